@@ -1,0 +1,31 @@
+# The habits of the project. Everything happens in .venv, made on first use.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: run test lint bench clean
+
+run: .venv/run.stamp            ## the main job on the emulated robot for a minute
+	$(BIN)/khepera-hil --program home --duration 60
+
+test: .venv/dev.stamp           ## all tests
+	$(BIN)/python -m pytest
+
+lint: .venv/dev.stamp           ## ruff and mypy
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: .venv/dev.stamp          ## speed; prints, never fails
+	$(BIN)/python -m benchmarks
+
+.venv/run.stamp: pyproject.toml constraints.txt
+	test -d .venv || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	touch $@
+
+.venv/dev.stamp: .venv/run.stamp
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	touch $@
+
+clean:
+	rm -rf .venv build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

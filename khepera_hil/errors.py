@@ -1,0 +1,97 @@
+"""Everything that can go wrong with a run, as one short tree.
+
+    KheperaHilError                exit code 1
+    |-- UsageError                 2  a mistake on the command line: the sentence says what to write instead
+    |-- PortError                  3  the port cannot be opened, or belongs to somebody else
+    |   `-- LinkLost               3  it was open and is gone
+    |-- RobotError                 4  the port is there, but no Khepera that we understand is behind it
+    |   |-- NoAnswer               4  nothing came before the deadline
+    |   |-- BadAnswer              4  something came that is no answer to what was asked
+    |   `-- Refused                4  the robot said that it did not understand the command
+    |-- WireTooSlow                5  what a tick needs does not fit into the period at this baud rate
+    |-- WorldError                 2  an arena that cannot be read or furnished
+    |-- RecordingError             6  the run's folder cannot be written
+    `-- ProtocolError              1  bytes that are not in the protocol's grammar (raised by ``protocol`` only)
+
+``__main__`` turns each of them into one sentence on standard error and its ``exit_code``; nothing else
+reaches the user as a traceback.
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "BadAnswer",
+    "KheperaHilError",
+    "LinkLost",
+    "NoAnswer",
+    "PortError",
+    "ProtocolError",
+    "RecordingError",
+    "Refused",
+    "RobotError",
+    "UsageError",
+    "WireTooSlow",
+    "WorldError",
+]
+
+
+class KheperaHilError(Exception):
+    """The root; its text is a sentence for the user that says what to do."""
+
+    exit_code = 1
+
+
+class UsageError(KheperaHilError):
+    """A mistake on the command line that can be mended there."""
+
+    exit_code = 2
+
+
+class PortError(KheperaHilError):
+    """The port cannot be opened, or belongs to somebody else."""
+
+    exit_code = 3
+
+
+class LinkLost(PortError):
+    """The port was open and is gone: unplugged, or the emulator behind it died. Its object is of no more use."""
+
+
+class RobotError(KheperaHilError):
+    """The port is there, but no Khepera that we understand is behind it."""
+
+    exit_code = 4
+
+
+class NoAnswer(RobotError):
+    """Nothing, or only part of an answer, came before the request's deadline."""
+
+
+class BadAnswer(RobotError):
+    """Something came that is no answer to what was asked."""
+
+
+class Refused(RobotError):
+    """The robot said that it did not understand: the command was mangled on its way, or is not in its ROM."""
+
+
+class WireTooSlow(KheperaHilError):
+    """What a tick needs does not fit into the period at this baud rate."""
+
+    exit_code = 5
+
+
+class WorldError(KheperaHilError):
+    """An arena that cannot be read or furnished."""
+
+    exit_code = 2
+
+
+class RecordingError(KheperaHilError):
+    """The run's folder cannot be written."""
+
+    exit_code = 6
+
+
+class ProtocolError(KheperaHilError):
+    """Bytes or values that are not in the protocol's grammar."""
