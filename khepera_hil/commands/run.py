@@ -1,0 +1,231 @@
+"""The main job: ``khepera-hil --port PORT --program NAME``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import secrets
+import shutil
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from datetime import datetime
+from pathlib import Path
+from types import FrameType
+from typing import Any
+from urllib.parse import parse_qsl, urlencode, urlsplit
+
+import serial
+
+from khepera_hil import chance
+from khepera_hil.clock import Clock, WallClock
+from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
+from khepera_hil.controllers import PROGRAMS
+from khepera_hil.errors import UsageError
+from khepera_hil.follower import Follower
+from khepera_hil.khepera import Khepera
+from khepera_hil.link import Link, check_budget, open_port
+from khepera_hil.quantiles import Quantiles
+from khepera_hil.recording import Recording
+from khepera_hil.service import Service
+from khepera_hil.terminal import Terminal
+from khepera_hil.viewer import Viewer
+from khepera_hil.world import arenas
+
+__all__ = ["main"]
+
+DEFAULT_WORLD = "furnished"
+
+EPILOG = """\
+commands:
+  khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program (see its --help)
+
+examples:
+  khepera-hil --program home --duration 60                    on the emulated robot
+  khepera-hil --port /dev/ttyS0 --program avoid               on a robot, until Ctrl-C
+  khepera-hil --program home --fast --duration 120 --seed 3   simulated time, repeatable
+
+exit codes: 0 ended well (duration, Ctrl-C, SIGTERM)  2 wrong arguments  3 port  4 robot  5 wire too slow
+            6 recording  1 anything else
+"""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run a program on a robot, record it, and say how it went."""
+    asked = _parser().parse_args(arguments)
+    if asked.list:
+        _list()
+        return 0
+    existing_name("program", asked.program, list(PROGRAMS))
+    chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
+    url = port_url(asked.port, asked.world, fast=asked.fast, seed=chosen_seed)
+    # From here on pyserial knows emulator:// (a module protocol_emulator in our package of handlers).
+    if "khepera_hil.ports" not in serial.protocol_handler_packages:
+        serial.protocol_handler_packages.append("khepera_hil.ports")
+    controller = PROGRAMS[asked.program][1]()
+    check_budget([*controller.needs, "D"], asked.baud, asked.period)
+    with closing(open_port(url, asked.baud)) as port:
+        clock: Clock = getattr(port, "clock", None) or WallClock()
+        service = Service(
+            Khepera(Link(port, clock, baud=asked.baud)),
+            controller,
+            clock=clock,
+            period=asked.period,
+            rng=chance.generator(chosen_seed, "program"),
+            witness=getattr(port, "witness", None),
+        )
+        with _signals(service):
+            _run(asked, chosen_seed, url, service, clock, getattr(port, "witness", None))
+    return 0
+
+
+def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock: Clock, witness: Any) -> None:
+    versions = service.connect()
+    manifest: dict[str, Any] = {
+        "port": asked.port,
+        "baud": asked.baud,
+        "period": asked.period,
+        "clock": "simulated" if clock.simulated else "wall",
+        "robot": {"bios": versions[0], "protocol": versions[1]},
+        "questions": service.questions(),
+        "world": None if witness is None else {"name": _world_of(url), "shapes": witness.shapes()},
+    }
+    recording = Recording.create(
+        asked.runs, program=asked.program, seed=seed, manifest=manifest, started=datetime.now()
+    )
+    print(f"{asked.program} on {asked.port}: Khepera {versions[0]}, seed {seed}, recording {recording.folder}")
+    sys.stdout.flush()
+    viewer = Follower(Viewer(recording.folder / "run.rrd", recording.manifest), waits=clock.simulated)
+    terminal = Follower(Terminal(sys.stdout, asked.program), waits=False)
+    recording.followers += [viewer, terminal]
+    try:
+        service.run(recording, duration=asked.duration)
+    finally:
+        terminal.close()
+        viewer.close()
+        ending = {
+            "ticks": service.ticks,
+            "missed": service.missed,
+            "without_data": service.blind,
+            "work_ms": _percentiles(service.work),
+            "late_ms": _percentiles(service.late),
+            "stop": service.ended,
+            "score": {} if witness is None else witness.score(),
+            "viewer_dropped": viewer.dropped,
+        }
+        recording.close(ending)
+        _tell(recording, ending, as_json=asked.json, viewer=viewer)
+
+
+def _tell(recording: Recording, ending: dict[str, Any], *, as_json: bool, viewer: Follower) -> None:
+    if viewer.error is not None:
+        print(f"khepera-hil: run.rrd is incomplete: {viewer.error}", file=sys.stderr)
+    print(f"stopped ({ending['stop']}) after {ending['ticks']} ticks, {ending['missed']} deadlines missed")
+    for name, value in ending["score"].items():
+        print(f"  {name}: {value}")
+    print(f"recorded in {recording.folder}; to look at it: {_rerun()} {recording.folder / 'run.rrd'}")
+    if as_json:
+        manifest = recording.manifest
+        result = {"run": str(recording.folder), "program": manifest["program"], "seed": manifest["seed"], **ending}
+        print(json.dumps(result))
+
+
+def _rerun() -> str:
+    """How the viewer is called here: it is installed beside the interpreter, which may not be on the PATH."""
+    beside = Path(sys.executable).parent / "rerun"
+    if shutil.which("rerun") is None and beside.exists():
+        return os.path.relpath(beside) if beside.is_relative_to(Path.cwd()) else str(beside)
+    return "rerun"
+
+
+def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
+    """In milliseconds; null where there was no tick."""
+    found = {"p50": seconds.at(0.5), "p99": seconds.at(0.99)}
+    return {name: None if value is None else round(1e3 * value, 3) for name, value in found.items()}
+
+
+def port_url(port: str, world: str | None, *, fast: bool, seed: int) -> str:
+    """What pyserial is asked to open. Only the in-process emulator has a world and a simulated clock."""
+    if port != "emulator" and not port.startswith("emulator:"):
+        for flag, given in (("--fast", fast), ("--world", world is not None)):
+            if given:
+                raise UsageError(f"{flag} goes with --port emulator only; {port} is a robot of its own")
+        return port
+    parts = urlsplit("emulator://" if port == "emulator" else port)
+    named = parts.netloc + parts.path
+    if world is not None and named and named != world:
+        raise UsageError(f"--port {port} and --world {world} name two different worlds; leave one of them out")
+    query = dict(parse_qsl(parts.query, keep_blank_values=True))
+    for key, flag in (("seed", "--seed"), ("clock", "--fast")):
+        if key in query:
+            raise UsageError(f"{key} does not go into the port's name; say {flag}")
+    query |= {"seed": str(seed), "clock": "simulated" if fast else "wall"}
+    return f"emulator://{world or named or DEFAULT_WORLD}?{urlencode(query)}"
+
+
+def _world_of(url: str) -> str:
+    parts = urlsplit(url)
+    return parts.netloc + parts.path
+
+
+@contextmanager
+def _signals(service: Service) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end the loop at its next tick; a second Ctrl-C interrupts, and the wheels still stop."""
+    before = {which: signal.getsignal(which) for which in (signal.SIGINT, signal.SIGTERM)}
+
+    def stop(which: int, frame: FrameType | None) -> None:
+        service.stop("signal")
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    for which in before:
+        signal.signal(which, stop)
+    try:
+        yield
+    finally:
+        for which, handler in before.items():
+            signal.signal(which, handler)
+
+
+def _list() -> None:
+    print("programs (--program):")
+    for name, (does, _) in PROGRAMS.items():
+        print(f"  {name:12} {does}")
+    print("arenas of the emulator (--world):")
+    for name, looks in arenas().items():
+        print(f"  {name:12} {looks}")
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        "khepera-hil", "Run a Bayesian robot program on a Khepera and record every distribution.", EPILOG
+    )
+    add = parser.add_argument
+    add("--port", default="emulator", help="a device, a URL of pyserial's, or emulator (default: %(default)s)")
+    add("--program", default="home", metavar="NAME", help="what to run, see --list (default: %(default)s)")
+    add("--baud", type=baud, default=38400, help="the rate of the robot's mode (default: %(default)s)")
+    add(
+        "--period",
+        type=number(0.01, 2.0, "seconds"),
+        default=0.1,
+        metavar="SECONDS",
+        help="of a tick (default: %(default)s)",
+    )
+    add(
+        "--duration",
+        type=number(0.0, 1e7, "seconds"),
+        metavar="SECONDS",
+        help="of the robot's time (default: until stopped)",
+    )
+    add("--seed", type=seed, help="of all chance: robot, arena, draws (default: a new one, told and recorded)")
+    add(
+        "--world",
+        metavar="ARENA",
+        help=f"of the in-process emulator: a name of --list or a TOML file (default: {DEFAULT_WORLD})",
+    )
+    add("--fast", action="store_true", help="simulated time, as quick as the machine can; in-process emulator only")
+    add("--runs", type=Path, default=Path("runs"), metavar="DIR", help="where recordings go (default: %(default)s)")
+    add("--json", action="store_true", help="the last line on standard output is the result as one JSON object")
+    add("--list", action="store_true", help="list programs and arenas, and end")
+    return parser

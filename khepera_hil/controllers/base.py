@@ -1,0 +1,93 @@
+"""What a program on a robot is: sense, ask, draw, act, each tick anew (section 3.4, the control loop)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from brp import Distribution, Question
+from khepera_hil.perception import Readings, Sense
+
+__all__ = ["VTRANS", "Controller", "Decision", "Reactive", "wheels"]
+
+VTRANS = 5
+"""The fixed translation speed of section 4.1, on the scale of the watchman's Vtrans (0..10)."""
+
+SCALE = 0.8
+"""Units of command D for one unit of Vtrans or Vrot, so that Vtrans 5 is 33 mm/s and Vrot 10 is 2.5 rad/s. At
+0.6 avoidance has twenty times as many long contacts: the robot cannot turn away in the length of a sensor."""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What one tick came to."""
+
+    evidence: Mapping[str, int | str]
+    answers: Mapping[str, Distribution]
+    """Every distribution that was asked, by key; the keys of ``draws`` are among them."""
+    u: Mapping[str, float]
+    """The one uniform number behind each draw."""
+    draws: Mapping[str, int | str]
+    left: int
+    right: int
+    """Speeds to send, in units of the manual's command D."""
+    clipped: Mapping[str, int] = field(default_factory=dict)
+
+
+class Controller(Protocol):
+    """A program on a robot. It knows neither port nor clock, and not whether the robot is a real one."""
+
+    name: str
+    needs: tuple[str, ...]
+    """Letters of the readings that each tick takes, in the order in which they are asked."""
+    questions: Mapping[str, Question]
+    """What it asks each tick, by key."""
+    decides: str
+    """Key of the question whose draw moves the robot."""
+
+    def step(self, readings: Readings, rng: np.random.Generator) -> Decision:
+        """One tick's decision. Raises brp's errors when the evidence is impossible."""
+
+
+def wheels(vrot: int, vtrans: int = VTRANS) -> tuple[int, int]:
+    """Left and right speed for a rotation (positive to the right) and a translation (section 4.1)."""
+    return round(SCALE * vtrans + SCALE * vrot), round(SCALE * vtrans - SCALE * vrot)
+
+
+class Reactive:
+    """A program without memory: each tick it computes its variables, asks P(Vrot | ...), draws and turns.
+
+    ``main`` is the question that Vrot is drawn from. ``beside`` are questions that decide nothing: they are
+    asked of the same evidence and recorded, because they show how the answer came about.
+    """
+
+    decides = "Vrot"
+
+    def __init__(
+        self, name: str, senses: Sequence[Sense], main: Question, beside: Mapping[str, Question] | None = None
+    ) -> None:
+        self.name = name
+        self.needs = tuple(dict.fromkeys(sense.needs for sense in senses))
+        self.questions: dict[str, Question] = {self.decides: main, **(beside or {})}
+        self._senses = tuple(senses)
+        self._known = {key: question.known_names for key, question in self.questions.items()}
+
+    def step(self, readings: Readings, rng: np.random.Generator) -> Decision:
+        """Sense, ask, draw, act."""
+        evidence: dict[str, int | str] = {}
+        clipped: dict[str, int] = {}
+        for sense in self._senses:
+            percept = sense.step(readings)
+            evidence.update(percept.values)
+            clipped.update(percept.clipped)
+        answers = {
+            key: question(**{name: evidence[name] for name in self._known[key]})
+            for key, question in self.questions.items()
+        }
+        u = float(rng.random())
+        vrot = answers[self.decides].at(u)
+        left, right = wheels(vrot)
+        return Decision(evidence, answers, {"Vrot": u}, {"Vrot": vrot}, left, right, clipped)

@@ -1,0 +1,12 @@
+"""From what the robot said to the paper's variables (section 4.1).
+
+Towards a program angles are the paper's: degrees, clockwise positive, 0 ahead. This is the only place where
+readings are clipped, and every clipping is counted, so that an odd reading of a real robot neither stops the
+loop nor passes unseen.
+"""
+
+from khepera_hil.perception.light import LightBearing
+from khepera_hil.perception.obstacle import Obstacle
+from khepera_hil.perception.readings import Percept, Readings, Sense
+
+__all__ = ["LightBearing", "Obstacle", "Percept", "Readings", "Sense"]

@@ -1,0 +1,218 @@
+"""A program on a robot from the handshake to wheels that stand still, whatever happens in between."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from brp import BrpError, Distribution
+from khepera_hil.clock import Clock
+from khepera_hil.controllers import Controller, Decision
+from khepera_hil.errors import LinkLost, NoAnswer, RobotError
+from khepera_hil.khepera import Khepera
+from khepera_hil.lifecycle import Lifecycle
+from khepera_hil.perception import Readings
+from khepera_hil.quantiles import Quantiles
+from khepera_hil.recording import Answer, Recording, Tick
+from khepera_hil.scheduler import Beat, beats
+
+__all__ = ["GIVE_UP", "HOLD", "Service", "Witness"]
+
+HOLD = 2
+"""Ticks without readings during which the wheels keep what they were told; then they are told to stop."""
+
+GIVE_UP = 20
+"""Ticks without readings, one after the other, after which the robot counts as silent and the run ends."""
+
+Pose = tuple[float, float, float]
+
+
+class Witness(Protocol):
+    """Somebody who sees the robot from outside: the emulator's world, or nobody (metres, radians)."""
+
+    def pose(self) -> Pose:
+        """The robot's true pose."""
+
+    def poses(self) -> Mapping[str, Pose]:
+        """The true poses of everything that can be moved."""
+
+
+class Service:
+    """Runs one controller on one robot, and owns the wheels while it does.
+
+    ``rng`` is the program's own stream of chance. ``stopwatch`` (seconds) and ``wall`` (Unix time) fill the
+    columns of the log that are the host's own; nothing is decided by them.
+    """
+
+    def __init__(
+        self,
+        khepera: Khepera,
+        controller: Controller,
+        *,
+        clock: Clock,
+        period: float,
+        rng: np.random.Generator,
+        witness: Witness | None = None,
+        stopwatch: Callable[[], float] = time.perf_counter,
+        wall: Callable[[], float] = time.time,
+    ) -> None:
+        self.lifecycle = Lifecycle()
+        self.ticks = self.missed = self.blind = 0
+        """Ticks done, deadlines missed, ticks without readings."""
+        self.work, self.late = Quantiles(), Quantiles()
+        """Seconds of the host that each tick took, waiting for the wire included; seconds that it came late."""
+        self.ended: str | None = None
+        """Why the loop ended: ``duration``, the reason given to :meth:`stop`, or ``error``."""
+        self._khepera, self._controller, self._witness = khepera, controller, witness
+        self._clock, self._period, self._rng = clock, period, rng
+        self._stopwatch, self._wall = stopwatch, wall
+        self._reason: str | None = None
+        self._raw: dict[str, str] = {}
+        self._blind_in_a_row = 0
+        self._told: dict[str, Pose] = {}
+        self._shapes = {
+            key: (
+                str(question),
+                tuple(v.name for v in question.searched),
+                tuple(v.values for v in question.searched),
+            )
+            for key, question in controller.questions.items()
+        }
+        khepera.link.on_exchange = self._heard
+
+    def connect(self) -> tuple[str, str]:
+        """Shake hands, and command the wheels to stand still; the robot's versions (manual's B)."""
+        self.lifecycle.send("connect")
+        try:
+            versions = self._khepera.handshake()
+            self._khepera.set_speed(0, 0)
+        except RobotError:
+            self.lifecycle.send("fail")
+            raise
+        except LinkLost:
+            self.lifecycle.send("fail")
+            raise
+        self.lifecycle.send("connected")
+        return versions
+
+    def questions(self) -> list[dict[str, Any]]:
+        """What the program asks each tick, for the run's manifest."""
+        return [
+            {
+                "key": key,
+                "name": name,
+                "variables": variables,
+                "values": values,
+                "main": key == self._controller.decides,
+            }
+            for key, (name, variables, values) in self._shapes.items()
+        ]
+
+    def stop(self, reason: str) -> None:
+        """End the loop at its next tick; may be called from a signal's handler."""
+        self._reason = self._reason or reason
+
+    def run(self, recording: Recording, *, duration: float | None = None) -> None:
+        """The loop, for so many seconds of the robot's time; however it ends, the wheels are commanded to stop."""
+        self.lifecycle.send("start")
+        self.ended = "error"  # until the loop is seen to end well
+        try:
+            for beat in beats(
+                self._clock, self._period, duration=duration, stopped=lambda: self._reason is not None
+            ):
+                recording.write(self._tick(beat))
+            self.ended = self._reason or "duration"
+        finally:
+            self._rest()
+
+    def _rest(self) -> None:
+        self.lifecycle.send("stop")
+        try:
+            self._khepera.stop()
+        except LinkLost:
+            self.lifecycle.send("fail")
+            if self.ended != "error":
+                raise
+            return  # the error that ended the loop says more
+        self.lifecycle.send("rest")
+
+    def _tick(self, beat: Beat) -> Tick:
+        began = self._stopwatch()
+        self._raw = {}
+        tick = Tick(tick=beat.tick, t=beat.due, late_ms=1e3 * beat.late, missed=beat.missed, raw=self._raw)
+        tick.wall = self._wall()
+        self._look(tick)
+        if beat.missed:
+            tick.events.append(("warning", f"{beat.missed} deadlines missed"))
+        try:
+            decision = self._controller.step(self._read(), self._rng)
+        except (RobotError, BrpError) as error:
+            # Evidence that is refused or impossible counts as a tick without data, so that the loop goes on.
+            self._without_data(tick, error)
+        else:
+            self._blind_in_a_row = 0
+            self._act(tick, decision)
+        tick.work_ms = 1e3 * (self._stopwatch() - began)
+        self.ticks += 1
+        self.missed += beat.missed
+        self.work.add(tick.work_ms / 1e3)
+        self.late.add(beat.late)
+        return tick
+
+    def _read(self) -> Readings:
+        readings: dict[str, tuple[int, ...]] = {}
+        for letter in self._controller.needs:
+            if letter == "N":
+                readings["proximity"] = self._khepera.proximity()
+            elif letter == "O":
+                readings["light"] = self._khepera.light()
+            else:
+                raise NotImplementedError(f"no program may need {letter} yet")
+        return Readings(**readings)
+
+    def _act(self, tick: Tick, decision: Decision) -> None:
+        tick.evidence, tick.clipped = dict(decision.evidence), dict(decision.clipped)
+        tick.u, tick.draws = dict(decision.u), dict(decision.draws)
+        tick.answers = {key: self._answer(key, given) for key, given in decision.answers.items()}
+        self._send(tick, decision.left, decision.right)
+
+    def _send(self, tick: Tick, left: int, right: int) -> None:
+        try:
+            tick.command = self._khepera.set_speed(left, right)
+        except RobotError as error:
+            tick.events.append(("warning", f"speeds not acknowledged: {error}"))
+
+    def _without_data(self, tick: Tick, error: Exception) -> None:
+        tick.events.append(("warning", f"no data: {error}"))
+        self.blind += 1
+        self._blind_in_a_row += 1
+        if self._blind_in_a_row >= GIVE_UP:
+            raise NoAnswer(
+                f"no usable answer for {GIVE_UP} ticks: is the robot still switched on, and the cable in?"
+            ) from error
+        if self._blind_in_a_row > HOLD:
+            self._send(tick, 0, 0)
+
+    def _answer(self, key: str, given: Distribution) -> Answer:
+        name, variables, values = self._shapes[key]
+        return Answer(name, variables, values, given.p)
+
+    def _heard(self, request: bytes, answer: bytes) -> None:
+        self._raw[chr(request[0])] = answer.decode("ascii").rstrip("\r\n")
+
+    def _look(self, tick: Tick) -> None:
+        if self._witness is None:
+            return
+        tick.pose = _rounded(self._witness.pose())
+        for name, pose in self._witness.poses().items():
+            seen = _rounded(pose)
+            if self._told.get(name) != seen:
+                self._told[name] = tick.moved[name] = seen
+
+
+def _rounded(pose: Pose) -> Pose:
+    """To a hundredth of a millimetre, and as much of an angle: what is below would only fill the log."""
+    return round(pose[0], 5), round(pose[1], 5), round(pose[2], 5)

@@ -1,0 +1,75 @@
+"""What somebody at the terminal sees of a run: one live line, or plain lines where the output is piped."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable
+from typing import TextIO
+
+from khepera_hil.recording import Tick
+
+__all__ = ["Terminal"]
+
+
+class Terminal:
+    """A follower's sink: it is offered every tick and shows some of them, in a thread of its own.
+
+    On a terminal the same line is written again at most ten times a second; elsewhere a line is written every
+    ten seconds of the robot's time. Events are lines of their own in both.
+    """
+
+    def __init__(self, out: TextIO, program: str, *, now: Callable[[], float] = time.monotonic) -> None:
+        self._out, self._program, self._now = out, program, now
+        self._live = out.isatty()
+        self._shown_at = -1.0
+        self._last = ""
+        self._missed = 0
+
+    def write(self, tick: Tick) -> None:
+        """Show the tick, or not."""
+        self._missed += tick.missed
+        for level, text in tick.events:
+            self._line(f"{tick.t:8.1f} s  {level}: {text}")
+        if self._live:
+            if self._now() - self._shown_at >= 0.1:
+                self._shown_at = self._now()
+                self._again(self._status(tick))
+        elif tick.t - self._shown_at >= 10.0 or self._shown_at < 0:
+            self._shown_at = tick.t
+            self._line(self._status(tick))
+
+    def close(self) -> None:
+        """Leave the cursor on a fresh line."""
+        if self._live and self._last:
+            self._out.write("\n")
+            self._out.flush()
+
+    def _status(self, tick: Tick) -> str:
+        known = " ".join(f"{name} {value}" for name, value in tick.evidence.items()) or "no readings"
+        drawn = (
+            " ".join(
+                f"{name} {value:+d}" if isinstance(value, int) else f"{name} {value}"
+                for name, value in tick.draws.items()
+            )
+            or "nothing drawn"
+        )
+        sent = "none" if tick.command is None else "{} {}".format(*tick.command)
+        return (
+            f"{tick.t:8.1f} s  {self._program}: {known} -> {drawn}, wheels {sent}"
+            f" | late {tick.late_ms:.1f} ms, missed {self._missed}"
+        )
+
+    def _again(self, text: str) -> None:
+        width = shutil.get_terminal_size().columns - 1
+        self._last = text[:width].ljust(min(len(self._last), width))
+        self._out.write("\r" + self._last)
+        self._out.flush()
+
+    def _line(self, text: str) -> None:
+        if self._live and self._last:
+            self._again("")
+            self._out.write("\r")
+            self._last = ""
+        self._out.write(text + "\n")
+        self._out.flush()

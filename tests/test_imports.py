@@ -1,0 +1,145 @@
+"""The house: who may import whom (README, "The house")."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+# What a module may import from ours (a package's name stands for all that is in it) and from elsewhere. Every
+# file has a line, its own or its package's; the nearest one counts. The standard library is free.
+TABLE: dict[str, set[str]] = {
+    "khepera_hil": set(),
+    # leaves
+    "khepera_hil.errors": set(),
+    "khepera_hil.clock": set(),
+    "khepera_hil.chance": {"numpy"},
+    "khepera_hil.quantiles": set(),
+    "khepera_hil.protocol": {"khepera_hil.errors"},
+    "khepera_hil.lifecycle": {"statemachine"},
+    # the client's end
+    "khepera_hil.link": {"khepera_hil.protocol", "khepera_hil.clock", "khepera_hil.errors", "serial"},
+    "khepera_hil.khepera": {"khepera_hil.link", "khepera_hil.protocol", "khepera_hil.errors"},
+    "khepera_hil.perception": {"khepera_hil.perception", "numpy"},
+    "khepera_hil.controllers": {"khepera_hil.controllers", "khepera_hil.perception", "brp", "numpy"},
+    "khepera_hil.scheduler": {"khepera_hil.clock"},
+    "khepera_hil.service": {
+        "brp",
+        "numpy",
+        "khepera_hil.clock",
+        "khepera_hil.controllers",
+        "khepera_hil.errors",
+        "khepera_hil.khepera",
+        "khepera_hil.lifecycle",
+        "khepera_hil.perception",
+        "khepera_hil.quantiles",
+        "khepera_hil.recording",
+        "khepera_hil.scheduler",
+    },
+    # the robot's end
+    "khepera_hil.world": {"khepera_hil.world", "khepera_hil.errors", "khepera_hil.chance", "numpy", "pymunk"},
+    "khepera_hil.emulator": {
+        "khepera_hil.protocol",
+        "khepera_hil.world",
+        "khepera_hil.clock",
+        "khepera_hil.errors",
+    },
+    "khepera_hil.ports": {
+        "khepera_hil.emulator",
+        "khepera_hil.world",
+        "khepera_hil.clock",
+        "khepera_hil.errors",
+        "serial",
+    },
+    # the rim
+    "khepera_hil.recording": {"khepera_hil.errors", "khepera_hil.follower", "numpy"},
+    "khepera_hil.follower": set(),
+    "khepera_hil.viewer": {
+        "khepera_hil.viewer",
+        "khepera_hil.recording",
+        "khepera_hil.errors",
+        "numpy",
+        "rerun",
+        "pyarrow",
+    },
+    "khepera_hil.terminal": {"khepera_hil.recording"},
+    "khepera_hil.commands": {"khepera_hil", "brp", "numpy", "serial"},
+    "khepera_hil.__main__": {"khepera_hil"},
+}
+
+# What must not even come from the standard library.
+FORBIDDEN = {"khepera_hil.protocol": {"time", "threading", "socket"}, "brp": {"time", "threading", "socket"}}
+
+FILES = sorted(path for package in ("brp", "khepera_hil") for path in (ROOT / package).rglob("*.py"))
+
+
+def module_of(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def line_of(module: str) -> str | None:
+    """The table's line that holds for a module: its own, or its package's, but never the root's for a child."""
+    while module not in TABLE:
+        module = module.rpartition(".")[0]
+        if module in {"", "khepera_hil"}:
+            return None
+    return module
+
+
+def imports_of(path: Path) -> set[str]:
+    """All that a file imports, at its top or late inside a function; TYPE_CHECKING makes no difference."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative imports hide who is imported"
+            assert node.module is not None
+            # from package import name: name may be a module of its own
+            for alias in node.names:
+                full = f"{node.module}.{alias.name}"
+                known = (ROOT / Path(*full.split("."))).with_suffix(".py").exists()
+                known |= (ROOT / Path(*full.split(".")) / "__init__.py").exists()
+                found.add(full if known else node.module)
+    return found
+
+
+def within(module: str, names: set[str]) -> bool:
+    return any(module == name or module.startswith(name + ".") for name in names)
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_of)
+def test_a_module_imports_only_what_the_house_allows(path: Path) -> None:
+    module = module_of(path)
+    line = line_of(module)
+    assert line is not None, f"{module} is missing from the table: which room is it?"
+    found = imports_of(path)
+    stray = {
+        name
+        for name in found
+        if name.split(".")[0] not in sys.stdlib_module_names and not within(name, TABLE[line])
+    }
+    assert not stray, f"{module} may not import {', '.join(sorted(stray))}"
+    for owner, names in FORBIDDEN.items():
+        if within(module, {owner}):
+            assert not (bad := {name for name in found if within(name, names)}), f"{module} may not import {bad}"
+
+
+def test_every_line_of_the_table_has_a_file() -> None:
+    modules = {module_of(path) for path in FILES}
+    assert set(TABLE) <= modules
+
+
+def test_the_service_cannot_tell_the_emulator_from_a_robot() -> None:
+    """Not even by way of what it imports: nothing of the robot's end is loaded with it."""
+    code = "import sys, khepera_hil.service; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    loaded = set(done.stdout.split())
+    assert "khepera_hil.khepera" in loaded
+    assert not loaded & {"khepera_hil.emulator", "khepera_hil.world", "pymunk", "rerun"}
