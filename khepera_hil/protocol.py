@@ -10,8 +10,8 @@ notion of the protocol. Every function raises :class:`~khepera_hil.errors.Protoc
 
 from __future__ import annotations
 
+import operator
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from khepera_hil.errors import ProtocolError
@@ -105,7 +105,7 @@ class Command:
     def longest_answer(self) -> int:
         """Characters of the longest answer, CR LF included: what a deadline must allow for."""
         if self.form == "versions":
-            return 1 + 2 * len(",99.99") + 2
+            return 1 + 2 * len(",99.99 beta") + 2
         if self.form == "turret":
             return 1 + len(",31,n") + 64 * len(",255") + 2  # the longest known: 64 pixels of the K213
         return 1 + sum(1 + field.widest for field in self.answer) + 2
@@ -114,7 +114,7 @@ class Command:
     def longest_request(self) -> int:
         """Characters of the longest request, its terminator included."""
         if self.form == "turret":
-            return LONGEST_LINE + 1
+            return len("T,31,E,255\n")  # the longest that a known turret takes; its grammar would allow 128
         return 1 + sum(1 + field.widest for field in self.request) + 1
 
 
@@ -169,8 +169,10 @@ COMMANDS: dict[str, Command] = {
 
 _REQUEST_NUMBER = re.compile(r"-?[0-9]{1,12}\Z")
 _ANSWER_NUMBER = re.compile(r"(0|-?[1-9][0-9]{0,10})\Z")  # no plus, no padding, no minus zero
-_VERSION = re.compile(r"[0-9]{1,2}\.[0-9]{1,2}\Z")
-_TURRET_TAIL = re.compile(r"[A-Z](,[!-+\--~]+)*\Z")  # a letter, then printable parameters
+# A Khepera answers 5.02; what a Khepera II answers is printed nowhere, its boot text says "6.01 beta".
+_VERSION = re.compile(r"[0-9]{1,2}\.[0-9]{1,2}( [a-z]{1,4})?\Z")
+_TURRET_REQUEST = re.compile(r"[A-Z](,[!-+\--~]+)*\Z")  # a letter, then printable parameters
+_TURRET_ANSWER = re.compile(r"[a-z](,[!-+\--~]+)*\Z")
 
 
 class RequestRefused(ProtocolError):
@@ -193,10 +195,12 @@ def encode_request(letter: str, *values: int | str) -> bytes:
     """
     command = _command(letter)
     if command.form == "turret":
-        if len(values) != 2 or not isinstance(values[1], str) or not _TURRET_TAIL.match(values[1]):
+        if len(values) != 2 or not isinstance(values[1], str) or not _TURRET_REQUEST.match(values[1]):
             raise ProtocolError("T takes a turret's number and that turret's command, such as 2 and 'N'")
-        numbers = _in_range(letter, command.request, values[:1])
-        return f"T,{numbers[0]},{values[1]}\n".encode("ascii")
+        line = f"T,{_in_range(letter, command.request, values[:1])[0]},{values[1]}\n".encode("ascii")
+        if len(line) > LONGEST_LINE + 1:
+            raise ProtocolError(f"the robot takes no line of more than {LONGEST_LINE} characters")
+        return line
     return ",".join([letter, *map(str, _in_range(letter, command.request, values))]).encode("ascii") + b"\n"
 
 
@@ -208,12 +212,12 @@ def parse_request(line: bytes) -> tuple[str, tuple[int | str, ...]] | None:
     """
     if not line:
         return None
+    if len(line) > LONGEST_LINE:
+        raise RequestRefused(PROTOCOL_ERROR, f"a line of more than {LONGEST_LINE} characters")
     try:
         text = line.decode("ascii").strip(" \t")
     except UnicodeDecodeError:
         raise RequestRefused(COMMAND_NOT_FOUND, "bytes that are not ASCII") from None
-    if len(line) > LONGEST_LINE:
-        raise RequestRefused(PROTOCOL_ERROR, f"a line of more than {LONGEST_LINE} characters")
     letter, *words = text.split(",")
     command = COMMANDS.get(letter)
     if command is None:
@@ -222,7 +226,7 @@ def parse_request(line: bytes) -> tuple[str, tuple[int | str, ...]] | None:
     if command.form == "turret":
         tail = (",".join(words[1:]),)
         words = words[:1]
-        if not _TURRET_TAIL.match(tail[0]):
+        if not _TURRET_REQUEST.match(tail[0]):
             raise RequestRefused(PROTOCOL_ERROR, "T without a turret's command")
     if len(words) != len(command.request):
         raise RequestRefused(PROTOCOL_ERROR, f"{letter} takes {len(command.request)} parameters, not {len(words)}")
@@ -242,20 +246,21 @@ def parse_request(line: bytes) -> tuple[str, tuple[int | str, ...]] | None:
 def encode_answer(letter: str, *values: int | str) -> bytes:
     """An answer as the robot sends it, ended by CR LF. Raises ProtocolError outside the table's ranges.
 
-    For B the values are two texts such as ``"5.01"``; for T the turret's number and its answer as one text.
+    For B the values are two texts such as ``"5.01"``; for T the turret's number and its answer as one text
+    (``"T", 2, "o,31"``).
     """
     command = _command(letter)
     if command.form == "numbers":
         words = [str(value) for value in _in_range(letter, command.answer, values)]
     elif command.form == "versions":
-        words = [str(value) for value in values]
-        if len(words) != 2 or not all(map(_VERSION.match, words)):
-            raise ProtocolError("B answers two versions such as 5.01")
+        words = [value for value in values if isinstance(value, str) and _VERSION.match(value)]
+        if len(words) != len(values) or len(words) != 2:
+            raise ProtocolError("B answers two versions such as '5.01'")
     else:
-        if len(values) != 2:
-            raise ProtocolError("T answers the turret's number and what the turret said")
-        words = [str(*_in_range(letter, command.answer, values[:1])), str(values[1])]
-    return ",".join([letter.lower(), *words]).encode("ascii", "replace") + b"\r\n"
+        if len(values) != 2 or not isinstance(values[1], str) or not _TURRET_ANSWER.match(values[1]):
+            raise ProtocolError("T answers the turret's number and what the turret says, such as 2 and 'o,31'")
+        words = [str(*_in_range(letter, command.answer, values[:1])), values[1]]
+    return ",".join([letter.lower(), *words]).encode("ascii") + b"\r\n"
 
 
 def parse_answer(letter: str, line: bytes) -> tuple[int | str, ...]:
@@ -279,10 +284,10 @@ def parse_answer(letter: str, line: bytes) -> tuple[int | str, ...]:
         return tuple(words)
     tail: tuple[str, ...] = ()
     if command.form == "turret":
-        if len(words) < 2:
-            raise ProtocolError(f"T answers the turret's number and what it says, got {line[:60]!r}")
         tail = (",".join(words[1:]),)
         words = words[:1]
+        if not _TURRET_ANSWER.match(tail[0]):
+            raise ProtocolError(f"T answers the turret's number and what it says, got {line[:60]!r}")
     if len(words) != len(command.answer):
         raise ProtocolError(f"{letter} answers {len(command.answer)} values, got {len(words)}: {line[:60]!r}")
     values: list[int] = []
@@ -311,15 +316,16 @@ class RequestLines:
     def __init__(self) -> None:
         self._line = bytearray()
 
-    def feed(self, data: bytes) -> Iterator[bytes]:
-        """Each line that ``data`` completes, without its terminator."""
+    def feed(self, data: bytes) -> list[bytes]:
+        """The lines that ``data`` completes, without their terminators."""
+        lines: list[bytes] = []
         for byte in data:
             if byte in b"\r\n":
-                line = bytes(self._line)
+                lines.append(bytes(self._line))
                 self._line.clear()
-                yield line
             elif len(self._line) <= LONGEST_LINE:
                 self._line.append(byte)
+        return lines
 
 
 def _command(letter: str) -> Command:
@@ -334,9 +340,13 @@ def _in_range(letter: str, fields: tuple[Field, ...], values: tuple[int | str, .
         raise ProtocolError(f"{letter} takes {len(fields)} values, not {len(values)}")
     numbers: list[int] = []
     for value, field in zip(values, fields, strict=True):
-        if isinstance(value, (str, bool)) or int(value) != value:
+        if isinstance(value, bool):
             raise ProtocolError(f"{letter}'s {field.name} must be an integer, not {value!r}")
-        if not field.low <= value <= field.high:
-            raise ProtocolError(f"{letter}'s {field.name} is {value}, outside {field.low}..{field.high}")
-        numbers.append(int(value))
+        try:
+            number = operator.index(value)  # type: ignore[arg-type]  # a text ends in the TypeError
+        except TypeError:
+            raise ProtocolError(f"{letter}'s {field.name} must be an integer, not {value!r}") from None
+        if not field.low <= number <= field.high:
+            raise ProtocolError(f"{letter}'s {field.name} is {number}, outside {field.low}..{field.high}")
+        numbers.append(number)
     return numbers

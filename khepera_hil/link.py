@@ -1,0 +1,445 @@
+"""Ask and wait over one port: deadlines, resynchronisation, and the wire's budget.
+
+One request is in flight at a time, under one absolute deadline. An answer counts only when it came whole, with
+the right letter, count and ranges, and with nothing left over. After anything else the line is not trusted:
+an old answer may still be on its way, and a client that goes on reading stays one answer behind for ever. So
+before the next request the line is brought back by :meth:`Link.resynchronise`.
+
+Time is the clock's alone. With a simulated clock the port's ``read`` moves it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import math
+import socket
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+import serial
+from serial.tools import list_ports
+
+from khepera_hil.clock import Clock
+from khepera_hil.errors import (
+    BadAnswer,
+    LinkLost,
+    NoAnswer,
+    PortError,
+    ProtocolError,
+    Refused,
+    RobotError,
+    WireTooSlow,
+)
+from khepera_hil.protocol import (
+    BAUD_RATES,
+    COMMANDS,
+    encode_request,
+    is_refusal,
+    parse_answer,
+    wire_seconds,
+)
+
+try:
+    from termios import error as TermiosError
+except ImportError:  # a host without termios cannot raise its error either
+    TermiosError = OSError  # type: ignore[misc,assignment]  # stands for the class that is not there
+
+__all__ = ["MARGIN", "Counters", "Link", "Port", "check_budget", "open_port", "seconds_needed"]
+
+MARGIN = 0.025
+"""Seconds that an answer may take beyond its time on the wire. An FTDI adapter whose latency timer could not be
+lowered holds the end of an answer for 16 ms, USB adds 1, the robot's firmware some 3, the host's scheduler the
+rest. It is only ever waited for when an answer fails to come."""
+
+QUIET = 0.020
+"""Seconds without a byte after which no more is expected of an old answer (longer than FTDI's 16 ms)."""
+
+SILENCE = 0.005
+"""Seconds that must pass without a byte after a probe's answer."""
+
+RESYNCHRONISATION = 0.3
+"""Seconds after which a resynchronisation begins nothing new and gives up."""
+
+PROBES = ("B", "K", "E")
+"""Requests that change nothing and that a tick does not use."""
+
+WRITE_TIMEOUT = 0.5
+"""Seconds for a request of a few bytes to be taken by the host; only a peer that stopped reading needs more."""
+
+RESERVE = 0.1
+"""The part of a period that the wire must leave free for computing and for the host's lateness."""
+
+_KHEPERA_RATES = BAUD_RATES[:3]  # what the jumpers of the first Khepera can be set to
+_HEARD = 4096  # characters kept of what is thrown away
+_PORT_ERRORS = (OSError, TermiosError)  # SerialException is an OSError, termios.error is not
+
+
+class Port(Protocol):
+    """What a link needs of an open pyserial port, whatever its kind."""
+
+    timeout: float | None
+
+    @property
+    def port(self) -> str | None:
+        """The name under which it was opened."""
+
+    @property
+    def in_waiting(self) -> int:
+        """Bytes (or, on a socket, whether there are any) that a read would give at once."""
+
+    def read(self, size: int = ..., /) -> bytes:
+        """``size`` bytes, or what came within ``timeout`` seconds."""
+
+    def write(self, data: bytes, /) -> int | None:
+        """Hand bytes to the line."""
+
+    def close(self) -> None:
+        """Give the port back."""
+
+
+@dataclass
+class Counters:
+    """What a link has been through since it was made."""
+
+    requests: int = 0
+    accepted: int = 0
+    no_answer: int = 0
+    bad_answer: int = 0
+    refused: int = 0
+    unsolicited: int = 0
+    """Times that bytes lay in the line before a request although nobody had asked."""
+    resynchronisations: int = 0
+    """Including those that failed."""
+    failed_resynchronisations: int = 0
+
+
+class Link:
+    """One line to one robot.
+
+    ``margin`` is the time in seconds that an answer may take beyond its time on the wire. ``on_exchange`` is
+    called after every exchange, good or not, probes included, with the bytes sent and all bytes that came;
+    bytes that nobody asked for come with an empty request.
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        clock: Clock,
+        *,
+        baud: int,
+        margin: float = MARGIN,
+        on_exchange: Callable[[bytes, bytes], None] | None = None,
+    ) -> None:
+        self.port = port
+        self.clock = clock
+        self.baud = baud
+        self.margin = margin
+        self.on_exchange = on_exchange
+        self.counters = Counters()
+        self.last_answer = ""
+        """The last accepted answer as it came, without CR LF."""
+        self._synchronised = False  # nothing is known of a line that was just opened
+        self._lost: str | None = None  # why, once it is
+        self._heard = bytearray()  # the last of what came since the last resynchronisation began
+        self._asked = 0
+        self._last_asked = dict.fromkeys(PROBES, 0)
+
+    @property
+    def name(self) -> str:
+        """The port's name, for the sentences that the user reads."""
+        return str(self.port.port)
+
+    @property
+    def synchronised(self) -> bool:
+        """Whether the next request may be sent without resynchronising first."""
+        return self._synchronised
+
+    def ask(self, letter: str, *values: int | str) -> tuple[int | str, ...]:
+        """Send one request and return the values of its answer, as :func:`~khepera_hil.protocol.parse_answer`.
+
+        Raises NoAnswer, BadAnswer or Refused, after which the next request resynchronises first; LinkLost when
+        the port is gone; ProtocolError, with nothing sent, for values outside the protocol's ranges.
+        """
+        request = encode_request(letter, *values)
+        self.counters.requests += 1
+        try:
+            self._trust_the_line(letter)
+            self._synchronised = False  # until the answer is in, also when somebody interrupts us
+            line, answer = self._exchange(request, letter, values)
+        except RobotError as error:
+            if isinstance(error, NoAnswer):
+                self.counters.no_answer += 1
+            elif isinstance(error, BadAnswer):
+                self.counters.bad_answer += 1
+            else:
+                self.counters.refused += 1
+            raise
+        self._synchronised = True
+        self.counters.accepted += 1
+        self.last_answer = line
+        return answer
+
+    def send_unanswered(self, letter: str, *values: int | str) -> None:
+        """Write a line end, which ends half a command, and a request, and wait for nothing.
+
+        For orders that must go out now (the wheels' stop); the line is unsynchronised afterwards.
+        """
+        request = b"\n" + encode_request(letter, *values)
+        self._synchronised = False
+        self._write(request)
+        self._report(request, b"")
+
+    def resynchronise(self) -> None:
+        """Bring requests and answers in step again, or raise: NoAnswer on a silent line, BadAnswer on another.
+
+        An empty line ends half a command that the robot may hold. What comes is thrown away until the line is
+        quiet. Then a request is sent whose answer cannot be mistaken for an old one: of B, K and E the one
+        that was asked longest ago. The robot answers in order, so after a whole answer to that, and a short
+        silence, nothing older can follow. Where anything was heard this is tried again, for at most about
+        RESYNCHRONISATION seconds; a silent line is given up after the first probe, since each request tries
+        again and the caller has a period to keep.
+        """
+        self._synchronised = False
+        self.counters.resynchronisations += 1
+        self._heard.clear()
+        give_up = self.clock.now() + RESYNCHRONISATION
+        while self._discard_until_quiet(give_up):
+            letter = min(PROBES, key=self._last_asked.__getitem__)
+            try:
+                self._exchange(encode_request(letter), letter, ())
+                late = self._read(SILENCE)
+                if not late:
+                    self._synchronised = True
+                    return
+                self._report(b"", late)
+            except RobotError:
+                if not self._heard:
+                    break
+        self.counters.failed_resynchronisations += 1
+        if self._heard:
+            raise BadAnswer(
+                f"what {self.name} says at {self.baud} baud makes no sense: {bytes(self._heard[-60:])!r}"
+            )
+        raise NoAnswer(f"{self.name} is silent")
+
+    def close(self) -> None:
+        """Give the port back; the link is of no more use."""
+        if self._lost is None:
+            self._lost = f"{self.name} has been closed"
+        line = _socket_of(self.port)
+        with contextlib.suppress(*_PORT_ERRORS):  # it may be gone already, which is what was wanted
+            self.port.close()
+        if line is not None:
+            line.close()  # pyserial leaves a socket open whose peer went first
+
+    def _trust_the_line(self, letter: str) -> None:
+        """Resynchronise if there is a reason to; a byte that nobody asked for is one."""
+        if self._synchronised and self._waiting():
+            self.counters.unsolicited += 1
+            self._synchronised = False
+        if not self._synchronised:
+            try:
+                self.resynchronise()
+            except RobotError as error:
+                raise NoAnswer(f"{letter} was not asked, because {error}") from error
+
+    def _discard_until_quiet(self, give_up: float) -> bool:
+        """Send an empty line and throw away what comes; False when ``give_up`` comes before the quiet."""
+        noise = bytearray()
+        self._write(b"\n")
+        while self.clock.now() + QUIET <= give_up:
+            chunk = self._read(QUIET)
+            if not chunk:
+                self._report(b"\n", bytes(noise))
+                return True
+            noise += chunk[-_HEARD:]
+        self._report(b"\n", bytes(noise))
+        return False
+
+    def _exchange(
+        self, request: bytes, letter: str, values: tuple[int | str, ...]
+    ) -> tuple[str, tuple[int | str, ...]]:
+        """One request and its one answer: the line without its end, and its values."""
+        self._asked += 1
+        if letter in self._last_asked:
+            self._last_asked[letter] = self._asked
+        longest = COMMANDS[letter].longest_answer
+        allowed = wire_seconds(len(request) + longest, self.baud) + self.margin
+        deadline = self.clock.now() + allowed
+        self._write(request)
+        answer = bytearray()
+        # A refusal may be longer than the longest answer. Past that and without an end it is no line of ours.
+        while b"\n" not in answer and len(answer) <= longest + 80:
+            left = deadline - self.clock.now()
+            # Past the deadline, what the host has kept for us since is still looked at, once.
+            chunk = self._read(max(left, 0.0))
+            answer += chunk
+            if not chunk or left <= 0:
+                break
+        self._report(request, bytes(answer))
+        if not answer:
+            raise NoAnswer(f"{self.name} did not answer {letter} within {allowed * 1000:.0f} ms")
+        if b"\n" not in answer and len(answer) <= longest:
+            raise NoAnswer(
+                f"only a part of the answer to {letter} came within {allowed * 1000:.0f} ms: {bytes(answer)!r}"
+            )
+        if is_refusal(bytes(answer)):
+            raise Refused(f"the robot refused {request[:60]!r}: {bytes(answer[:60])!r}")
+        try:
+            result = parse_answer(letter, bytes(answer))
+        except ProtocolError as error:
+            raise BadAnswer(str(error)) from error
+        if COMMANDS[letter].form == "turret" and not _same_turret(values, result):
+            raise BadAnswer(f"another turret's answer to {request!r}: {bytes(answer[:60])!r}")
+        return answer[:-2].decode("ascii"), result
+
+    def _report(self, sent: bytes, came: bytes) -> None:
+        if self.on_exchange is not None:
+            self.on_exchange(sent, came)
+
+    # The port, with every way in which it can be gone made one.
+
+    def _waiting(self) -> int:
+        try:
+            return self._open_port().in_waiting
+        except _PORT_ERRORS as error:
+            raise self._gone(error) from error
+
+    def _read(self, seconds: float) -> bytes:
+        """What is there, or the first that comes within so many seconds."""
+        try:
+            port = self._open_port()
+            port.timeout = seconds
+            chunk = port.read(max(1, port.in_waiting))
+        except _PORT_ERRORS as error:
+            raise self._gone(error) from error
+        self._heard += chunk
+        del self._heard[:-_HEARD]
+        return chunk
+
+    def _write(self, data: bytes) -> None:
+        try:
+            written = self._open_port().write(data)
+        except _PORT_ERRORS as error:
+            raise self._gone(error) from error
+        if written is not None and written < len(data):
+            raise self._gone("it took only a part of what was written")
+
+    def _open_port(self) -> Port:
+        if self._lost is not None:
+            raise LinkLost(self._lost)
+        return self.port
+
+    def _gone(self, why: object) -> LinkLost:
+        self._synchronised = False
+        self._lost = f"{self.name} is gone; is it unplugged, or has the program behind it ended? ({why})"
+        self.close()
+        return LinkLost(self._lost)
+
+
+def _same_turret(asked: tuple[int | str, ...], answered: tuple[int | str, ...]) -> bool:
+    """Whether turret and letter of an answer are those of the request."""
+    return asked[0] == answered[0] and str(asked[1])[:1].lower() == str(answered[1])[:1]
+
+
+def seconds_needed(requests: Iterable[str], baud: int) -> float:
+    """Seconds that these requests, given by their letters, and their answers are on the wire at the most.
+
+    The widest numbers of every field, one request after the other, 11 bit times a character. How long the robot
+    thinks before it answers is printed nowhere and is not in it; :func:`check_budget` keeps a reserve.
+    """
+    return sum(
+        wire_seconds(COMMANDS[letter].longest_request + COMMANDS[letter].longest_answer, baud)
+        for letter in requests
+    )
+
+
+def check_budget(requests: Iterable[str], baud: int, period: float) -> float:
+    """The seconds of :func:`seconds_needed`, if nine tenths of ``period`` seconds hold them.
+
+    Raises WireTooSlow with what is needed and with the baud rates or the period that would do.
+    """
+    letters = list(requests)
+    needed = seconds_needed(letters, baud)
+    if needed <= (1 - RESERVE) * period:
+        return needed
+    names = ", ".join(letters[:-1]) + " and " + letters[-1] if letters[1:] else letters[0]
+    instead = f"--period {math.ceil(needed / (1 - RESERVE) * 100) / 100:g}"
+    for rate in BAUD_RATES:
+        if rate > baud and seconds_needed(letters, rate) <= (1 - RESERVE) * period:
+            instead = f"{rate} baud{' (a Khepera II only)' if rate not in _KHEPERA_RATES else ''} or {instead}"
+            break
+    raise WireTooSlow(
+        f"{names} need{'' if letters[1:] else 's'} {needed * 1000:.0f} ms at {baud} baud, more than the "
+        f"{(1 - RESERVE) * period * 1000:.0f} ms that a period of {period * 1000:g} ms leaves for the wire: "
+        f"use {instead}"
+    )
+
+
+def open_port(url: str, baud: int) -> Port:
+    """Open whatever ``serial_for_url`` takes: 8 data bits, 2 stop bits, no parity, no flow control (manual, 3.1.3).
+
+    A device is locked against other users of such locks, and its adapter asked to pass bytes on at once. Raises
+    PortError, one sentence that says what to do.
+    """
+    try:
+        port = serial.serial_for_url(
+            url, baud, stopbits=serial.STOPBITS_TWO, timeout=0, write_timeout=WRITE_TIMEOUT, exclusive=True
+        )
+    except (*_PORT_ERRORS, ValueError, OverflowError, NotImplementedError) as error:
+        raise PortError(_what_to_do(url, baud, error)) from error
+    try:
+        port.set_low_latency_mode(True)
+    except (*_PORT_ERRORS, AttributeError, ValueError, NotImplementedError):
+        pass  # no adapter with a latency timer, or one that cannot be told; MARGIN allows for it
+    line = _socket_of(port)
+    if line is not None:
+        # Two small packets in a row, as a resynchronisation sends, would wait for the peer's delayed receipt.
+        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return port
+
+
+def _socket_of(port: Port) -> socket.socket | None:
+    """The socket inside a port of the kind socket://, which pyserial keeps to itself."""
+    line = getattr(port, "_socket", None)
+    return line if isinstance(line, socket.socket) else None
+
+
+def _what_to_do(url: str, baud: int, error: Exception) -> str:
+    """The sentence for a port that did not open."""
+    number = _errno(error)
+    if "://" in url and "not known" in str(error) and isinstance(error, ValueError):
+        return f"{url!r} is no kind of port: use a device such as /dev/ttyUSB0, socket://HOST:PORT or emulator"
+    if number == errno.ENOENT:
+        seen = ", ".join(sorted(port.device for port in list_ports.comports()))
+        here = (
+            f"this computer has {seen}"
+            if seen
+            else "this computer shows no serial port: is the adapter plugged in?"
+        )
+        return f"there is no port {url!r}; {here}"
+    if number in (errno.EACCES, errno.EPERM):
+        return f"{url!r} may not be opened by you: join its group, mostly dialout, and log in again"
+    if number in (errno.EAGAIN, errno.EBUSY):
+        return f"{url!r} is in use by another program: end that first"
+    if number in (errno.ENOTTY, errno.EISDIR, errno.ENOTDIR, errno.EINVAL):
+        return f"{url!r} is no serial port: give the name of one"
+    if number in (errno.ENXIO, errno.ENODEV, errno.EIO):
+        return f"{url!r} has a name but no device behind it: is the adapter plugged in?"
+    if number == errno.ECONNREFUSED:
+        return f"nobody listens at {url!r}: start the server there, or mend the address"
+    if isinstance(error, (ValueError, OverflowError)) and "://" not in url:
+        return f"{url!r} cannot be set to {baud} baud: use one of {', '.join(map(str, BAUD_RATES))}"
+    return f"{url!r} cannot be opened, check its name: {error}"
+
+
+def _errno(error: BaseException | None) -> int | None:
+    """The operating system's number for what went wrong; pyserial often hides it one or two errors down."""
+    while error is not None:
+        number = getattr(error, "errno", None) or (error.args[0] if isinstance(error, TermiosError) else None)
+        if isinstance(number, int):
+            return number
+        error = error.__cause__ or error.__context__
+    return None

@@ -1,0 +1,402 @@
+"""A run's folder: what the robot said, what the program answered, what was sent, tick by tick.
+
+``runs/<date>T<time>-<program>-<seed>/`` holds
+
+* ``manifest.json``: program, seed, versions, the questions with their variables and values, the arena, and at
+  the end how the run ended; it is replaced as a whole, so there is always a readable one;
+* ``ticks.jsonl``: the log, one JSON object a line. A tick is acknowledged when :meth:`Recording.write` has
+  returned: its line was handed to the kernel by one unbuffered ``os.write``, and a killed process loses none.
+  It is not forced to the disk: a power cut may cost the last seconds.
+
+Everything else (the viewer's file, live views) is derived and hangs behind the log as a :class:`Listener`.
+Reading back parses JSON and nothing else: nothing in a folder is ever executed or unpickled.
+
+The log's columns, one object a tick: ``tick`` (number of the deadline), ``t`` (s of robot time since the start),
+``missed`` (deadlines skipped just before), ``raw`` (command letter -> the robot's answer), ``orders`` (what the
+program ordered), ``evidence``, ``clipped`` (variable -> how often perception clipped it), ``answers`` (key of a
+question -> hash of its probabilities), ``u`` (the uniform number behind each draw), ``draws``, ``command``
+(left, right in pulse/10 ms as really sent, or null), ``pose`` (x m, y m, theta rad, or null), ``moved`` (movable
+shapes whose pose changed), ``events`` (level, text), ``late_ms``, ``work_ms``, ``wall`` (s since 1970).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib.metadata
+import json
+import math
+import os
+import platform
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from khepera_hil import __version__
+from khepera_hil.errors import RecordingError
+
+__all__ = [
+    "HOST_COLUMNS",
+    "LOG",
+    "MANIFEST",
+    "Answer",
+    "Listener",
+    "Pose",
+    "Recording",
+    "Tick",
+    "read_manifest",
+    "read_ticks",
+]
+
+MANIFEST = "manifest.json"
+LOG = "ticks.jsonl"
+
+FORMAT = 1
+"""Version of the folder's layout; a reader refuses a newer one."""
+
+HOST_COLUMNS = ("work_ms", "late_ms", "wall")
+"""Columns of the log that belong to the host: two runs that are the same differ here and nowhere else."""
+
+_PACKAGES = ("numpy", "scipy", "pymunk", "pyserial", "python-statemachine", "rerun-sdk")
+
+Pose = tuple[float, float, float]
+"""x and y in metres, theta in radians, counter-clockwise; x right, y up."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a question answered: the probabilities of ``variables`` over ``values``.
+
+    ``values`` holds one tuple for each variable; ``p`` is float64 and its shape is the variables' sizes. The
+    array is kept, not copied: whoever hands it over does not change it any more.
+    """
+
+    question: str
+    variables: tuple[str, ...]
+    values: tuple[tuple[int | str, ...], ...]
+    p: NDArray[np.float64]
+
+    def digest(self) -> str:
+        """BLAKE2b, 8 bytes in hex, of the probabilities as little-endian float64 in C order."""
+        return hashlib.blake2b(np.ascontiguousarray(self.p, "<f8").tobytes(), digest_size=8).hexdigest()
+
+
+@dataclass(slots=True)
+class Tick:
+    """One turn of the loop. Not to be changed once it is written: listeners read it in their own time.
+
+    ``answers`` and ``draws`` are keyed by the question's short role ("Vrot", "H"): a draw stands under the key
+    of the question that it was drawn from. See the module's text for units.
+    """
+
+    tick: int
+    t: float
+    raw: dict[str, str] = field(default_factory=dict)
+    orders: list[str] = field(default_factory=list)
+    evidence: dict[str, int | str] = field(default_factory=dict)
+    clipped: dict[str, int] = field(default_factory=dict)
+    answers: dict[str, Answer] = field(default_factory=dict)
+    u: dict[str, float] = field(default_factory=dict)
+    draws: dict[str, int | str] = field(default_factory=dict)
+    command: tuple[int, int] | None = None
+    events: list[tuple[str, str]] = field(default_factory=list)
+    missed: int = 0
+    late_ms: float = 0.0
+    work_ms: float = 0.0
+    wall: float = 0.0
+    pose: Pose | None = None
+    moved: dict[str, Pose] = field(default_factory=dict)
+
+    def line(self) -> bytes:
+        """The tick as one line of the log. Raises RecordingError when something in it is no JSON."""
+        row = {
+            "tick": self.tick,
+            "t": _short(self.t, 6),
+            "missed": self.missed,
+            "raw": self.raw,
+            "orders": self.orders,
+            "evidence": self.evidence,
+            "clipped": self.clipped,
+            "answers": {key: answer.digest() for key, answer in self.answers.items()},
+            "u": self.u,  # exact: a replay draws with it again
+            "draws": self.draws,
+            "command": self.command,
+            "pose": None if self.pose is None else [_short(v, 6) for v in self.pose],
+            "moved": {name: [_short(v, 6) for v in pose] for name, pose in self.moved.items()},
+            "events": self.events,
+            "late_ms": _short(self.late_ms, 3),
+            "work_ms": _short(self.work_ms, 3),
+            "wall": _short(self.wall, 6),
+        }
+        try:
+            return _dump(row).encode() + b"\n"
+        except (TypeError, ValueError) as error:
+            culprit = next((name for name, value in row.items() if not _is_json(value)), "?")
+            raise RecordingError(
+                f"tick {self.tick} cannot be logged: its column {culprit!r} holds {row.get(culprit)!r}, "
+                f"which is no JSON ({error})"
+            ) from None
+
+    @classmethod
+    def from_row(cls, row: Mapping[str, Any]) -> Tick:
+        """The tick of a log's row. Its probabilities are not in the log, so ``answers`` is empty.
+
+        Raises RecordingError when a column is missing or of another kind.
+        """
+        try:
+            return cls(
+                tick=int(row["tick"]),
+                t=float(row["t"]),
+                missed=int(row["missed"]),
+                raw={str(k): str(v) for k, v in row["raw"].items()},
+                orders=[str(order) for order in row["orders"]],
+                evidence={str(k): _value(v) for k, v in row["evidence"].items()},
+                clipped={str(k): int(v) for k, v in row["clipped"].items()},
+                u={str(k): float(v) for k, v in row["u"].items()},
+                draws={str(k): _value(v) for k, v in row["draws"].items()},
+                command=None if row["command"] is None else (int(row["command"][0]), int(row["command"][1])),
+                events=[(str(level), str(text)) for level, text in row["events"]],
+                late_ms=float(row["late_ms"]),
+                work_ms=float(row["work_ms"]),
+                wall=float(row["wall"]),
+                pose=None if row["pose"] is None else _pose(row["pose"]),
+                moved={str(k): _pose(v) for k, v in row["moved"].items()},
+            )
+        except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
+            raise RecordingError(f"tick {row.get('tick')!r} of the log is damaged: {error!r}") from None
+
+
+class Listener(Protocol):
+    """Who hears of every tick after it was logged. A listener never raises and never holds the loop's clock up."""
+
+    def offer(self, tick: Tick) -> None:
+        """Take the tick, or drop and count it."""
+
+    def close(self) -> list[str]:
+        """Finish within a bounded time; sentences for the user when something was lost, else nothing."""
+
+
+class Recording:
+    """The open folder of a run that is going on. Made by :meth:`create`; one thread writes."""
+
+    def __init__(self, folder: Path, manifest: dict[str, Any], log: int) -> None:
+        self.folder = folder
+        self.manifest = manifest
+        self._log: int | None = log
+        self._listeners: list[Listener] = []
+
+    @classmethod
+    def create(
+        cls, runs_dir: Path | str, *, program: str, seed: int, manifest: Mapping[str, Any], started: datetime
+    ) -> Recording:
+        """Make the folder, its manifest and its empty log; never overwrite (``-2``, ``-3`` ... when taken).
+
+        ``manifest`` is what the caller knows (questions, arena, port, period, data); program, seed, start,
+        versions and host are added. Raises RecordingError when the folder cannot be made.
+        """
+        whole: dict[str, Any] = {
+            "format": FORMAT,
+            "program": program,
+            "seed": seed,
+            "started": started.isoformat(timespec="seconds"),
+            "versions": _versions(),
+            "python": platform.python_version(),
+            "platform": platform.platform(),
+            "host_columns": list(HOST_COLUMNS),
+            **manifest,
+        }
+        name = f"{started:%Y-%m-%dT%H-%M-%S}-{program}-{seed}"
+        try:
+            Path(runs_dir).mkdir(parents=True, exist_ok=True)
+            folder = _new_folder(Path(runs_dir), name)
+            _replace(folder / MANIFEST, whole)
+            log = os.open(folder / LOG, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise RecordingError(
+                f"the run's folder cannot be made in {runs_dir}: {error.strerror or error}; "
+                "choose a folder that can be written with --runs"
+            ) from None
+        return cls(folder, whole, log)
+
+    def follow(self, listener: Listener) -> None:
+        """Let ``listener`` hear of every tick from now on."""
+        self._listeners.append(listener)
+
+    def write(self, tick: Tick) -> None:
+        """Log the tick by one ``os.write``, then tell the listeners.
+
+        Raises RecordingError when the line was not taken whole; what was taken of it is cut off again.
+        """
+        if self._log is None:
+            raise RecordingError(f"the recording {self.folder} is closed")
+        line = tick.line()
+        try:
+            taken = os.write(self._log, line)
+        except OSError as error:
+            raise self._unwritten(tick, error.strerror or str(error)) from None
+        if taken != len(line):
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._log, os.fstat(self._log).st_size - taken)
+            raise self._unwritten(tick, f"only {taken} of {len(line)} bytes were taken, the disk may be full")
+        for listener in self._listeners:
+            listener.offer(tick)
+
+    def close(self, ending: Mapping[str, Any]) -> list[str]:
+        """Finish: log to disk, listeners closed, ``ending`` (how and why) in the manifest.
+
+        Returns sentences about what the listeners lost. Closing twice does nothing. Raises RecordingError
+        when the manifest cannot be written; the log is whole all the same.
+        """
+        if self._log is None:
+            return []
+        log, self._log = self._log, None
+        with contextlib.suppress(OSError):  # a file that cannot be synced is as written as it will be
+            os.fsync(log)
+        os.close(log)
+        losses = [sentence for listener in self._listeners for sentence in listener.close()]
+        self.manifest["ending"] = {**ending, "losses": losses}
+        try:
+            _replace(self.folder / MANIFEST, self.manifest)
+        except OSError as error:
+            raise RecordingError(
+                f"how the run ended cannot be written to {self.folder / MANIFEST}: {error.strerror or error}"
+            ) from None
+        return losses
+
+    def _unwritten(self, tick: Tick, why: str) -> RecordingError:
+        return RecordingError(
+            f"tick {tick.tick} cannot be written to {self.folder / LOG}: {why}; "
+            "make room there, or choose another folder with --runs"
+        )
+
+
+def read_manifest(folder: Path | str) -> dict[str, Any]:
+    """The manifest of a run's folder. Raises RecordingError when there is none, or it is not one of ours."""
+    path = Path(folder) / MANIFEST
+    try:
+        manifest = _load(path.read_bytes())
+    except FileNotFoundError:
+        raise RecordingError(f"{folder} is not a run's folder: there is no {MANIFEST} in it") from None
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror or error}") from None
+    except (ValueError, RecursionError) as error:
+        raise RecordingError(f"{path} is damaged: {error}") from None
+    if not isinstance(manifest, dict) or not isinstance(manifest.get("format"), int):
+        raise RecordingError(f"{path} is not the manifest of a run")
+    if manifest["format"] > FORMAT:
+        raise RecordingError(f"{path} has format {manifest['format']}, newer than {FORMAT}: use a newer khepera-hil")
+    return manifest
+
+
+def read_ticks(folder: Path | str) -> Iterator[dict[str, Any]]:
+    """The log's rows, in order. A last line without its end, left by a killed process, was never acknowledged
+    and is passed over; anything else that is no tick raises RecordingError with file and line.
+    """
+    path = Path(folder) / LOG
+    try:
+        with path.open("rb") as log:
+            for number, line in enumerate(log, 1):
+                if not line.endswith(b"\n"):
+                    return
+                try:
+                    row = _load(line)
+                except (ValueError, RecursionError) as error:
+                    raise RecordingError(f"{path}, line {number} is damaged: {error}") from None
+                if not isinstance(row, dict) or not isinstance(row.get("tick"), int):
+                    raise RecordingError(f"{path}, line {number} is not a tick")
+                yield row
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror or error}") from None
+
+
+def _new_folder(parent: Path, name: str) -> Path:
+    number = 1
+    while True:
+        folder = parent / (name if number == 1 else f"{name}-{number}")
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            number += 1
+        else:
+            return folder
+
+
+def _replace(path: Path, content: Mapping[str, Any]) -> None:
+    """Write the whole file beside the old one, then put it in its place: a reader sees one or the other."""
+    handle, beside = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(_dump(content, indent=1).encode() + b"\n")
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(beside, 0o644)  # mkstemp makes it private
+        os.replace(beside, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(beside)
+        raise
+
+
+def _versions() -> dict[str, str]:
+    found = {"khepera-hil": __version__}
+    for package in _PACKAGES:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            found[package] = importlib.metadata.version(package)
+    return found
+
+
+def _dump(content: object, indent: int | None = None) -> str:
+    separators = (",", ":") if indent is None else (",", ": ")
+    return json.dumps(
+        content, allow_nan=False, ensure_ascii=False, separators=separators, indent=indent, default=_plain
+    )
+
+
+def _plain(value: object) -> object:
+    """Perception and draws may hand over numpy's scalars."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} is not a number, text, list or mapping")
+
+
+def _is_json(value: object) -> bool:
+    try:
+        _dump(value)
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _load(text: bytes) -> Any:
+    def refuse(constant: str) -> None:
+        raise ValueError(f"{constant} is not a number")
+
+    return json.loads(text.decode("utf-8"), parse_constant=refuse)
+
+
+def _short(value: float, digits: int) -> float:
+    return round(float(value), digits)
+
+
+def _finite(value: Any) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{value!r} is not finite")
+    return number
+
+
+def _pose(value: Any) -> Pose:
+    x, y, theta = value
+    return _finite(x), _finite(y), _finite(theta)
+
+
+def _value(value: Any) -> int | str:
+    if isinstance(value, (int, str)):
+        return value
+    raise TypeError(f"{value!r} is neither a whole number nor a word")

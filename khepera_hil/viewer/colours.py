@@ -1,0 +1,72 @@
+"""One colour for one thing, in every panel. 0xRRGGBBAA."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "DRAWN",
+    "INK",
+    "LAMP",
+    "LATE",
+    "LEFT",
+    "MAIN",
+    "PALETTE",
+    "RIGHT",
+    "ROBOT",
+    "ROLE",
+    "SENSORS",
+    "WORK",
+    "faded",
+    "ramp",
+]
+
+MAIN = 0x4FC3A1FF
+"""The distribution that is drawn from."""
+DRAWN = 0xFF5A5FFF
+"""The value that was drawn."""
+INK = 0xB8C0CCFF
+ROBOT = 0xE8ECF2FF
+LAMP = 0xFFC940FF
+LEFT = 0x6CA8FFFF
+RIGHT = 0xFF9D5CFF
+LATE = 0xFF7A7AFF
+WORK = 0x8FD16AFF
+
+PALETTE = (0x5AA2FFFF, 0xFFC04DFF, 0xB58CFFFF, 0xFF86B3FF, 0x76D7EAFF, 0xC5E063FF)
+"""For a few-valued variable, value by value: avoidance is the first of H's, phototaxy the second."""
+
+SENSORS = (
+    0x3D6FFFFF,
+    0x35B5FFFF,
+    0x3DE0C8FF,
+    0x7DE05AFF,
+    0xE5D84CFF,
+    0xFF9A3DFF,
+    0xC77DFFFF,
+    0x8B6BFFFF,
+)
+"""Clockwise from the left, as the robot answers: cold on the left, warm on the right, violet behind."""
+
+ROLE = {
+    "wall": 0x8C95A3FF,
+    "fixed": 0x8C95A3FF,
+    "movable": 0xC08A5AFF,
+    "base": 0x3E7D5EFF,
+    "lamp": LAMP,
+}
+"""What stands in the arena, by its role."""
+
+
+def faded(colour: int, alpha: float) -> int:
+    """The same colour, more transparent."""
+    return (colour & 0xFFFFFF00) | round(255 * alpha)
+
+
+def ramp(colour: int) -> NDArray[np.uint32]:
+    """256 opaque colours from the panel's ground over ``colour`` to white."""
+    stops = np.array([[13, 16, 17], [colour >> 24 & 255, colour >> 16 & 255, colour >> 8 & 255], [255, 255, 255]])
+    at = np.linspace(0, 1, 256)
+    r, g, b = (np.interp(at, [0, 0.6, 1], stops[:, i]).astype(np.uint32) for i in range(3))
+    return (r << 24 | g << 16 | b << 8 | 255).astype(np.uint32)

@@ -1,0 +1,193 @@
+"""The arena and the robot in it, in metres, x right and y up.
+
+The viewer's plane has y down, so everything hangs below one mirror, ``/world``; data stay in true coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from khepera_hil.recording import Pose, Tick
+from khepera_hil.viewer import colours
+from khepera_hil.viewer.columns import Columns, Lane, Stamp
+
+__all__ = ["TRAIL", "Scene", "readings"]
+
+TRAIL = "/world/trail"
+
+RADIUS = 0.0285
+"""Of the robot's body (57 mm in diameter: paper, section 4.1)."""
+
+_PLACE = np.radians([68, 43, 13, -13, -43, -68, -158, 158])
+_AIM = np.radians([90, 45, 10, -10, -45, -90, -180, 180])
+_ROOT = 0.028 * np.column_stack([np.cos(_PLACE), np.sin(_PLACE)])
+_WAY = np.column_stack([np.cos(_AIM), np.sin(_AIM)])
+# Where the eight sensors sit and look, counter-clockwise from ahead: the KiKS simulator's geometry, which
+# tables measured on real robots bear out.
+
+RAY = 0.06
+"""Length of a full reading's ray (m)."""
+
+DARK = 500
+"""About what the light sensors answer in the dark; less is brighter (paper, section 4.1)."""
+
+
+def readings(tick: Tick, letter: str) -> NDArray[np.float64] | None:
+    """The eight numbers of the robot's answer to ``letter``, or None when it gave no whole answer."""
+    words = tick.raw.get(letter, "").strip().split(",")[1:]
+    try:
+        numbers = np.array([float(word) for word in words])
+    except ValueError:
+        return None
+    return numbers if len(numbers) == 8 else None
+
+
+class Scene:
+    """Static shapes once; then the robot's pose, its readings as rays, its trail, and what was moved."""
+
+    def __init__(self, stream: rr.RecordingStream, manifest: Mapping[str, Any]) -> None:
+        self.lanes = {
+            "robot": Lane("/world/robot", _poses),
+            "proximity": Lane("/world/robot/proximity", _rays),
+            "light": Lane("/world/robot/light", _rays),
+            "trail": Lane(TRAIL, lambda rows: rr.Points2D.columns(positions=np.array(rows))),
+        }
+        _log(stream, "/world", rr.Transform3D(scale=[1, -1, 1]))
+        _robot(stream)
+        # The trail's look, once; its points come tick by tick.
+        _log(stream, TRAIL, rr.Points2D.from_fields(radii=[0.003], colors=_one(colours.faded(colours.ROBOT, 0.5))))
+        self._movable: dict[str, Lane] = {}
+        self._first: dict[str, Pose] = {}
+        world = manifest.get("world")
+        if world:
+            _floor(stream, world["size"])
+            for shape in world["shapes"]:
+                self._shape(stream, shape)
+
+    def _shape(self, stream: rr.RecordingStream, shape: Mapping[str, Any]) -> None:
+        name, role = str(shape["name"]), str(shape["role"])
+        path = "/world/" + "/".join(rr.escape_entity_path_part(part) for part in (role, name))
+        x, y, theta = shape.get("pose", (0.0, 0.0, 0.0))
+        pose = rr.Transform3D(translation=[x, y, 0], rotation=rr.RotationAxisAngle([0, 0, 1], radians=theta))
+        if role == "movable":
+            self._movable[name] = Lane(path, _poses)
+            self.lanes[f"movable {name}"] = self._movable[name]
+            # Not static, which would hide every later pose: it goes out with the first tick.
+            self._first[name] = (x, y, theta)
+        else:
+            _log(stream, path, pose)
+        colour = colours.ROLE.get(role, colours.INK)
+        label = [role] if role in ("lamp", "base") else [name]
+        shown = role in ("lamp", "base")
+        if shape["kind"] == "disc":
+            _log(
+                stream,
+                f"{path}/shape",
+                rr.Points2D([[0, 0]], radii=shape["radius"], colors=_one(colour), labels=label, show_labels=shown),
+            )
+            return
+        points = np.asarray(shape["points"], np.float64)
+        outline = np.vstack([points, points[:1]])
+        edge = 0.0015 if role == "base" else 0.002
+        _log(
+            stream,
+            f"{path}/shape",
+            rr.LineStrips2D([outline], radii=edge, colors=_one(colour), labels=label, show_labels=shown),
+        )
+        filling = _filling(points)
+        if filling is not None:
+            strip, half = filling
+            fill = colours.faded(colour, 0.18 if role == "base" else 0.45)
+            _log(stream, f"{path}/filling", rr.LineStrips2D([strip], radii=half, colors=_one(fill), draw_order=5.0))
+
+    def write(self, tick: Tick, stamp: Stamp) -> None:
+        """Keep one tick's rows."""
+        if tick.pose is not None:
+            self.lanes["robot"].add(stamp, tick.pose)
+            self.lanes["trail"].add(stamp, tick.pose[:2])
+        proximity, light = readings(tick, "N"), readings(tick, "O")
+        self.lanes["proximity"].add(stamp, None if proximity is None else proximity / 1023)
+        self.lanes["light"].add(stamp, None if light is None else np.clip(1 - light / DARK, 0, 1))
+        moved, self._first = {**self._first, **tick.moved}, {}
+        for name, pose in moved.items():
+            lane = self._movable.get(name)
+            if lane is not None:
+                lane.add(stamp, pose)
+
+
+def _robot(stream: rr.RecordingStream) -> None:
+    turn = np.linspace(0, 2 * np.pi, 49)
+    rim = RADIUS * np.column_stack([np.cos(turn), np.sin(turn)])
+    wheels = [[[-0.0075, y], [0.0075, y]] for y in (0.0265, -0.0265)]
+    _log(
+        stream,
+        "/world/robot/body",
+        rr.LineStrips2D(
+            [rim, *wheels, [[0.008, 0], [RADIUS, 0]]],
+            radii=[0.0014, 0.0024, 0.0024, 0.0022],
+            colors=np.array([colours.ROBOT, colours.LEFT, colours.RIGHT, colours.DRAWN], np.uint32),
+            draw_order=50.0,
+        ),
+    )
+    _log(
+        stream,
+        "/world/robot/disc",
+        rr.Points2D([[0, 0]], radii=RADIUS, colors=_one(0x2B3340FF), draw_order=40.0),
+    )
+    for kind, colour, width in (("light", colours.LAMP, 0.0012), ("proximity", colours.DRAWN, 0.0024)):
+        _log(
+            stream,
+            f"/world/robot/{kind}",
+            rr.LineStrips2D.from_fields(colors=_one(colours.faded(colour, 0.9)), radii=[width], draw_order=45.0),
+        )
+
+
+def _floor(stream: rr.RecordingStream, size: tuple[float, float]) -> None:
+    width, height = size
+    edge = np.array([[0, 0], [width, 0], [width, height], [0, height], [0, 0]])
+    _log(stream, "/world/floor", rr.LineStrips2D([edge], radii=0.003, colors=_one(colours.ROLE["wall"])))
+
+
+def _filling(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float] | None:
+    """A rectangle as one thick line (the viewer fills no polygons): its middle line and half its width."""
+    if len(points) != 4 or not np.allclose(points[0] + points[2], points[1] + points[3], atol=1e-6):
+        return None
+    a, b = points[1] - points[0], points[2] - points[1]
+    if abs(a @ b) > 1e-9 + 1e-3 * np.linalg.norm(a) * np.linalg.norm(b):
+        return None
+    if np.linalg.norm(a) < np.linalg.norm(b):
+        points, b = np.roll(points, -1, axis=0), -a
+    return np.array([points[0] + b / 2, points[1] + b / 2]), float(np.linalg.norm(b)) / 2
+
+
+def _poses(rows: list[Pose]) -> Columns:
+    x, y, theta = np.array(rows, np.float64).T
+    zero = np.zeros(len(rows))
+    return rr.Transform3D.columns(
+        translation=np.column_stack([x, y, zero]),
+        quaternion=np.column_stack([zero, zero, np.sin(theta / 2), np.cos(theta / 2)]),
+    )
+
+
+def _rays(rows: list[NDArray[np.float64] | None]) -> Columns:
+    """Eight strokes a row in the robot's frame, as long as the reading (0..1) is strong."""
+    strips = [
+        np.stack([_ROOT, _ROOT + _WAY * (RAY * row[:, None])], axis=1).astype(np.float32)
+        for row in rows
+        if row is not None
+    ]
+    columns = rr.LineStrips2D.columns(strips=np.concatenate(strips) if strips else [])
+    return columns.partition([0 if row is None else 8 for row in rows])
+
+
+def _one(colour: int) -> NDArray[np.uint32]:
+    return np.array([colour], np.uint32)  # a plain list of few integers would be read as channels
+
+
+def _log(stream: rr.RecordingStream, path: str, what: Any) -> None:
+    stream.log(path, what, static=True, strict=True)

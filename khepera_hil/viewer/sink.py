@@ -1,0 +1,134 @@
+"""The sink that owns all calls into rerun: ticks in, chunks of ``run.rrd`` out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from khepera_hil.recording import Tick
+from khepera_hil.viewer import colours
+from khepera_hil.viewer.beliefs import Beliefs
+from khepera_hil.viewer.columns import Columns, Lane, Stamp
+from khepera_hil.viewer.layout import about, layout
+from khepera_hil.viewer.scene import Scene, readings
+
+__all__ = ["RerunFile"]
+
+PROBE = 100
+"""Ticks between two questions to the file whether it still takes anything: after a full disk it says so only
+when flushed."""
+
+LEVELS = {"debug": "DEBUG", "info": "INFO", "warning": "WARN", "warn": "WARN", "error": "ERROR", "critical": "CRITICAL"}
+
+
+class RerunFile:
+    """Writes ``path``; ``rows`` ticks of an entity make one chunk, and the entities take turns."""
+
+    def __init__(self, path: Path, manifest: Mapping[str, Any], *, rows: int) -> None:
+        program = str(manifest.get("program", "run"))
+        plain = "".join(c if c.isalnum() and c.isascii() else "-" for c in program)
+        # The viewer remembers a layout that the user changed by the application's name: one for each program.
+        self._stream = rr.RecordingStream(f"khepera-hil-{plain}", recording_id=str(manifest.get("run", path.stem)))
+        self._stream.set_log_time_enabled(False)
+        self._stream.set_sinks(
+            rr.FileSink(str(path), write_footer=True), default_blueprint=layout(manifest)
+        )
+        self._rows = rows
+        self._count = 0
+        started = manifest.get("started")
+        self._stream.send_recording_name(f"{program}, seed {manifest.get('seed')}, {started}")
+        if started:
+            when = datetime.fromisoformat(str(started)).timestamp()
+            self._stream.send_recording_start_time_nanos(int(when * 1e9))
+        self._scene = Scene(self._stream, manifest)
+        self._beliefs = Beliefs(self._stream, manifest)
+        self._lanes = _own_lanes(self._stream)
+        self._variables: dict[str, Lane] = {}
+        self._stream.log(
+            "/about", rr.TextDocument(about(manifest), media_type=rr.MediaType.MARKDOWN), static=True, strict=True
+        )
+
+    def write(self, tick: Tick, dropped: int) -> None:
+        """Keep the tick's rows and send the chunks whose turn it is."""
+        stamp = (tick.tick, tick.t, tick.wall)
+        self._scene.write(tick, stamp)
+        self._beliefs.write(tick, stamp)
+        self._own(tick, stamp, dropped)
+        self._count += 1
+        for i, lane in enumerate(self._all()):
+            if (self._count + i) % self._rows == 0:
+                lane.send(self._stream)
+        if self._count % PROBE == 0:
+            self._stream.flush(timeout_sec=2)
+
+    def flush(self) -> None:
+        """Send everything that is held back."""
+        for lane in self._all():
+            lane.send(self._stream)
+        self._stream.flush(timeout_sec=2)
+
+    def close(self) -> None:
+        """Send everything and write the file's footer."""
+        try:
+            self.flush()
+        finally:
+            self._stream.disconnect()
+
+    def _all(self) -> list[Lane]:
+        owners = (self._lanes, self._variables, self._beliefs.lanes, self._scene.lanes)
+        return [lane for lanes in owners for lane in lanes.values()]
+
+    def _own(self, tick: Tick, stamp: Stamp, dropped: int) -> None:
+        for letter, name in (("N", "proximity"), ("O", "light")):
+            numbers = readings(tick, letter)
+            self._lanes[name].add(stamp, np.full(8, np.nan) if numbers is None else numbers)
+        command = (np.nan, np.nan) if tick.command is None else tick.command
+        self._lanes["motors"].add(stamp, np.array(command, np.float64))
+        self._lanes["ms"].add(stamp, np.array([tick.late_ms, tick.work_ms]))
+        self._lanes["counts"].add(stamp, np.array([tick.missed, dropped], np.float64))
+        for name, value in tick.evidence.items():
+            lane = self._variables.get(name)
+            if lane is None:
+                lane = self._variables[name] = _variable(self._stream, name, value)
+            lane.add(stamp, value)
+        for level, text in tick.events:
+            self._lanes["events"].add(stamp, (LEVELS.get(level.lower(), "INFO"), text))
+
+
+def _own_lanes(stream: rr.RecordingStream) -> dict[str, Lane]:
+    def series(path: str, names: list[str], hues: tuple[int, ...]) -> Lane:
+        look = rr.SeriesLines(names=names, colors=np.array(hues, np.uint32), widths=[1.5] * len(names))
+        stream.log(path, look, static=True, strict=True)
+        return Lane(path, _vectors(len(names)))
+
+    return {
+        "proximity": series("/sensors/proximity", [f"Px{i}" for i in range(1, 9)], colours.SENSORS),
+        "light": series("/sensors/light", [f"L{i}" for i in range(1, 9)], colours.SENSORS),
+        "motors": series("/motors", ["left", "right"], (colours.LEFT, colours.RIGHT)),
+        "ms": series("/loop/ms", ["late", "work"], (colours.LATE, colours.WORK)),
+        "counts": series("/loop/counts", ["missed", "dropped by the recorder"], colours.PALETTE[1:3]),
+        "events": Lane("/events", _texts),
+    }
+
+
+def _variable(stream: rr.RecordingStream, name: str, value: int | str) -> Lane:
+    path = "/variables/" + rr.escape_entity_path_part(name)
+    if isinstance(value, str):
+        return Lane(path, lambda rows: rr.StateChange.columns(state=rows))
+    look = rr.SeriesLines(names=[name], widths=[1.5])
+    stream.log(path, look, static=True, strict=True)
+    return Lane(path, lambda rows: rr.Scalars.columns(scalars=np.array(rows, np.float64)))
+
+
+def _vectors(n: int) -> Any:
+    return lambda rows: rr.Scalars.columns(scalars=np.concatenate(rows)).partition([n] * len(rows))
+
+
+def _texts(rows: list[tuple[str, str]]) -> Columns:
+    levels, texts = zip(*rows, strict=True)
+    return rr.TextLog.columns(text=texts, level=levels)

@@ -1,0 +1,405 @@
+"""A link asks, waits no longer than it must, believes nothing twice, and finds its way back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from khepera_hil.clock import SimulatedClock
+from khepera_hil.errors import BadAnswer, LinkLost, NoAnswer, ProtocolError, Refused, RobotError, WireTooSlow
+from khepera_hil.link import MARGIN, QUIET, RESYNCHRONISATION, SILENCE, Link, check_budget, seconds_needed
+from khepera_hil.protocol import COMMAND_NOT_FOUND, PROTOCOL_ERROR, wire_seconds
+from tests.client_end.lines import BAUD, BOOT_TEXT, SYNCHRONISED, FaultyRobot, ScriptedPort, SimulatedPort, Turn
+
+READING = b"n,0,1,20,300,1023,5,0,7\r\n"
+VALUES = (0, 1, 20, 300, 1023, 5, 0, 7)
+
+
+def conversation(*script: Turn) -> tuple[Link, ScriptedPort]:
+    clock = SimulatedClock()
+    port = ScriptedPort(clock, *script)
+    return Link(port, clock, baud=BAUD), port
+
+
+# Believing
+
+
+@pytest.mark.parametrize(
+    ("after", "each"),
+    [(0.0, 0.0), (0.001, 0.0002865), (0.012, 0.001), (0.03, 0.0)],
+    ids=["burst", "wire", "slow", "late"],
+)
+def test_an_answer_is_taken_however_its_bytes_come(after: float, each: float) -> None:
+    link, port = conversation(*SYNCHRONISED, Turn(b"N\n", READING, after, each))
+    assert link.ask("N") == VALUES
+    assert link.last_answer == "n,0,1,20,300,1023,5,0,7"
+    assert port.finished
+    assert link.counters.accepted == 1
+
+
+@given(st.lists(st.floats(0, 0.004), min_size=len(READING), max_size=len(READING)))
+def test_an_answer_is_taken_or_missed_by_its_last_byte_alone(gaps: list[float]) -> None:
+    class Uneven(ScriptedPort):
+        def respond(self, data: bytes) -> None:
+            super().respond(data)
+            if data == b"N\n":
+                for byte, gap in zip(READING, gaps, strict=True):
+                    self.come(bytes([byte]), each=gap)
+
+    clock = SimulatedClock()
+    link = Link(Uneven(clock, *SYNCHRONISED, Turn(b"N\n")), clock, baud=BAUD)
+    spare = wire_seconds(2 + 43, BAUD) + MARGIN - sum(gaps)
+    if spare > 1e-6:
+        assert link.ask("N") == VALUES
+    elif spare < -1e-6:
+        with pytest.raises(NoAnswer):
+            link.ask("N")
+
+
+@pytest.mark.parametrize(
+    ("answer", "error"),
+    [
+        (b"", NoAnswer),
+        (READING[:-1], NoAnswer),
+        (READING[:10], NoAnswer),
+        (READING + READING, BadAnswer),
+        (READING[:-2] + b"\n", BadAnswer),
+        (READING[:-2] + READING, BadAnswer),
+        (b"\r\n" + READING, BadAnswer),
+        (READING + b"n", BadAnswer),
+        (b"o" + READING[1:], BadAnswer),
+        (b"N" + READING[1:], BadAnswer),
+        (b"n,0,1,20,300,1023,5,0\r\n", BadAnswer),
+        (b"n,0,1,20,300,1023,5,0,7,7\r\n", BadAnswer),
+        (b"n,0,1,20,300,1024,5,0,7\r\n", BadAnswer),
+        (b"n,0,01,20,300,1023,5,0,7\r\n", BadAnswer),
+        (b"n,0,-1,20,300,1023,5,0,7\r\n", BadAnswer),
+        (b"N\n" + READING, BadAnswer),
+        (BOOT_TEXT, BadAnswer),
+        (b"\xff" * 500, BadAnswer),
+        (COMMAND_NOT_FOUND, Refused),
+        (PROTOCOL_ERROR, Refused),
+    ],
+)
+def test_anything_else_is_refused_and_the_line_found_again(answer: bytes, error: type[RobotError]) -> None:
+    link, port = conversation(
+        *SYNCHRONISED,
+        Turn(b"N\n", answer, each=0.0),
+        Turn(b"\n"),
+        Turn(b"K\n", b"k,0,0,3,0,0,-4\r\n"),
+        Turn(b"N\n", READING),
+    )
+    with pytest.raises(error):
+        link.ask("N")
+    assert link.last_answer == ""
+    assert not link.synchronised
+    assert link.ask("N") == VALUES
+    assert port.finished
+    counters = link.counters
+    assert counters.no_answer + counters.bad_answer + counters.refused == 1
+    assert (counters.requests, counters.accepted, counters.resynchronisations) == (2, 1, 2)
+
+
+def test_a_late_answer_is_not_taken_for_the_next_one() -> None:
+    link, port = conversation(
+        *SYNCHRONISED,
+        Turn(b"N\n", b"n,1,1,1,1,1,1,1,1\r\n", after=0.06),
+        Turn(b"\n"),
+        Turn(b"K\n", b"k,0,0,0,0,0,0\r\n"),
+        Turn(b"\n"),
+        Turn(b"E\n", b"e,0,0\r\n"),
+        Turn(b"N\n", b"n,2,2,2,2,2,2,2,2\r\n"),
+    )
+    with pytest.raises(NoAnswer):
+        link.ask("N")
+    assert link.ask("N") == (2,) * 8
+    assert port.finished
+
+
+def test_bytes_that_nobody_asked_for_are_thrown_away_before_the_request() -> None:
+    link, port = conversation(
+        *SYNCHRONISED, Turn(b"N\n", READING), Turn(b"\n"), Turn(b"K\n", b"k,0,0,0,0,0,0\r\n"), Turn(b"N\n", READING)
+    )
+    link.ask("N")
+    port.come(BOOT_TEXT, each=0.0)
+    assert link.ask("N") == VALUES
+    assert port.finished
+    assert link.counters.unsolicited == 1
+    assert link.counters.resynchronisations == 2
+
+
+def test_another_turrets_answer_is_no_answer() -> None:
+    link, _ = conversation(*SYNCHRONISED, Turn(b"T,2,O\n", b"t,3,o,31\r\n"))
+    with pytest.raises(BadAnswer):
+        link.ask("T", 2, "O")
+    link, _ = conversation(*SYNCHRONISED, Turn(b"T,2,O\n", b"t,2,p,31\r\n"))
+    with pytest.raises(BadAnswer):
+        link.ask("T", 2, "O")
+    link, _ = conversation(*SYNCHRONISED, Turn(b"T,2,O\n", b"t,2,o,31\r\n"))
+    assert link.ask("T", 2, "O") == (2, "o,31")
+
+
+def test_values_outside_the_protocol_are_never_sent() -> None:
+    link, port = conversation()
+    with pytest.raises(ProtocolError):
+        link.ask("D", 128, 0)
+    assert not port.written
+
+
+def test_every_exchange_is_reported_as_it_was() -> None:
+    link, _ = conversation(*SYNCHRONISED, Turn(b"N\n", READING), Turn(b"O\n", READING))
+    transcript: list[tuple[bytes, bytes]] = []
+    link.on_exchange = lambda request, answer: transcript.append((request, answer))
+    link.ask("N")
+    with pytest.raises(BadAnswer):
+        link.ask("O")
+    assert transcript == [(b"\n", b""), (b"B\n", b"b,5.01,5.00\r\n"), (b"N\n", READING), (b"O\n", READING)]
+
+
+def test_an_interrupted_request_leaves_no_trust_in_the_line() -> None:
+    link, port = conversation(*SYNCHRONISED, Turn(b"N\n", READING))
+
+    def interrupt(request: bytes, answer: bytes) -> None:
+        if request == b"N\n":
+            raise KeyboardInterrupt
+
+    link.on_exchange = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        link.ask("N")
+    assert port.finished
+    assert not link.synchronised
+
+
+# Waiting
+
+
+def test_a_request_waits_for_its_time_on_the_wire_and_the_margin_and_no_longer() -> None:
+    link, port = conversation(*SYNCHRONISED, Turn(b"N\n"))
+    link.resynchronise()
+    before = port.clock.now()
+    with pytest.raises(NoAnswer, match=r"/dev/scripted did not answer N within 38 ms"):
+        link.ask("N")
+    assert port.clock.now() - before == pytest.approx(wire_seconds(2 + 43, BAUD) + MARGIN)
+
+
+def test_dribbling_bytes_do_not_move_the_deadline() -> None:
+    link, port = conversation(*SYNCHRONISED, Turn(b"N\n", b"n,1,2,3,4,5,6,7,8", each=0.01))
+    link.resynchronise()
+    before = port.clock.now()
+    with pytest.raises(NoAnswer, match="only a part"):
+        link.ask("N")
+    assert port.clock.now() - before == pytest.approx(wire_seconds(2 + 43, BAUD) + MARGIN)
+
+
+def test_what_the_host_kept_for_us_while_we_were_late_is_still_taken() -> None:
+    clock = SimulatedClock()
+
+    class StalledHost(ScriptedPort):
+        """The process is stopped for a second just after it has written."""
+
+        def respond(self, data: bytes) -> None:
+            super().respond(data)
+            if data == b"N\n":
+                self.clock.sleep_until(self.clock.now() + 1.0)
+
+    link = Link(StalledHost(clock, *SYNCHRONISED, Turn(b"N\n", READING)), clock, baud=BAUD)
+    assert link.ask("N") == VALUES
+
+
+def test_a_silent_line_costs_one_probe_a_request() -> None:
+    clock = SimulatedClock()
+    port = SimulatedPort(clock)
+    link = Link(port, clock, baud=BAUD)
+    with pytest.raises(NoAnswer, match="N was not asked, because /dev/scripted is silent"):
+        link.ask("N")
+    assert port.written == b"\nB\n"
+    assert clock.now() < QUIET + wire_seconds(30, BAUD) + MARGIN
+    for letter in (b"K", b"E", b"B", b"K"):
+        port.written.clear()
+        with pytest.raises(NoAnswer):
+            link.ask("N")
+        assert port.written == b"\n" + letter + b"\n"
+    assert link.counters.failed_resynchronisations == 5
+
+
+def test_a_line_that_never_falls_silent_is_given_up_in_time() -> None:
+    clock = SimulatedClock()
+    port = SimulatedPort(clock)
+    port.come(b"\x55" * 20_000)
+    link = Link(port, clock, baud=BAUD)
+    with pytest.raises(NoAnswer, match="makes no sense"):
+        link.ask("N")
+    assert clock.now() <= RESYNCHRONISATION
+    assert b"N" not in port.written
+
+
+def test_a_letter_that_the_program_asked_last_is_not_the_probe() -> None:
+    link, port = conversation(
+        *SYNCHRONISED, Turn(b"K\n"), Turn(b"\n"), Turn(b"E\n", b"e,0,0\r\n"), Turn(b"K\n", b"k,0,0,0,0,0,0\r\n")
+    )
+    with pytest.raises(NoAnswer):
+        link.ask("K")
+    link.ask("K")
+    assert port.finished
+
+
+def test_a_doubled_answer_to_the_probe_is_no_proof() -> None:
+    link, port = conversation(
+        Turn(b"\n"),
+        Turn(b"B\n", b"b,5.01,5.00\r\nb,5.01,5.00\r\n"),
+        Turn(b"\n"),
+        Turn(b"K\n", b"k,0,0,0,0,0,0\r\n"),
+        Turn(b"N\n", READING),
+    )
+    assert link.ask("N") == VALUES
+    assert port.finished
+
+
+def test_a_resynchronisation_takes_quiet_probe_and_silence() -> None:
+    link, port = conversation(*SYNCHRONISED)
+    link.resynchronise()
+    probe = 0.001 + wire_seconds(len(b"b,5.01,5.00\r\n"), BAUD)
+    assert port.clock.now() == pytest.approx(QUIET + probe + SILENCE)
+
+
+# The law: no stale value, ever
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_stale_reading_is_accepted_whatever_happens_to_lines(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    clock = SimulatedClock()
+    robot = FaultyRobot(clock, rng, rate=(0.02, 0.1, 0.3)[seed % 3])
+    link = Link(robot, clock, baud=BAUD)
+    accepted = 0
+    for tick in range(700):
+        for letter in ("N", "O", "D"):
+            before = robot.readings.get(letter, 0)
+            try:
+                values = link.ask(letter, *((5, -5) if letter == "D" else ()))
+            except RobotError:
+                continue
+            if letter != "D":
+                high, low, *rest = (int(value) for value in values)
+                assert high * 1000 + low > before, f"tick {tick}: an answer from before the request was taken"
+                assert rest == [7] * 6
+                accepted += 1
+        clock.sleep_until(clock.now() + 0.02)
+    assert robot.faults > 20
+    assert accepted > 150
+    robot.rate = 0.0
+    clock.sleep_until(clock.now() + 2.0)
+    assert len(link.ask("N")) == 8, "one request after the last fault the line is well again"
+
+
+# Losing the port
+
+
+@pytest.mark.parametrize("method", ["write", "read", "in_waiting"])
+def test_a_port_that_fails_is_lost_for_good_and_closed(method: str) -> None:
+    clock = SimulatedClock()
+
+    class Unplugged(ScriptedPort):
+        failing = False
+
+        def write(self, data: bytes, /) -> int:
+            if self.failing and method == "write":
+                raise OSError(5, "Input/output error")
+            return super().write(data)
+
+        def read(self, size: int = 1, /) -> bytes:
+            if self.failing and method == "read":
+                raise OSError(5, "Input/output error")
+            return super().read(size)
+
+        @property
+        def in_waiting(self) -> int:
+            if self.failing and method == "in_waiting":
+                raise OSError(5, "Input/output error")
+            return super().in_waiting
+
+    port = Unplugged(clock, *SYNCHRONISED, Turn(b"N\n", READING), Turn(b"N\n", READING))
+    link = Link(port, clock, baud=BAUD)
+    link.ask("N")
+    port.failing = True
+    with pytest.raises(LinkLost, match="/dev/scripted is gone"):
+        link.ask("N")
+    assert not port.open
+    port.failing = False
+    with pytest.raises(LinkLost, match="/dev/scripted is gone"):
+        link.ask("N")
+
+
+def test_a_port_that_takes_only_a_part_is_lost() -> None:
+    clock = SimulatedClock()
+
+    class Full(SimulatedPort):
+        def write(self, data: bytes, /) -> int:
+            return 0
+
+    with pytest.raises(LinkLost):
+        Link(Full(clock), clock, baud=BAUD).ask("N")
+
+
+def test_a_closed_link_says_so() -> None:
+    link, port = conversation()
+    link.close()
+    assert not port.open
+    with pytest.raises(LinkLost, match="has been closed"):
+        link.ask("N")
+
+
+# The wire's budget
+
+
+@pytest.mark.parametrize(
+    ("letters", "baud", "milliseconds"),
+    # The table of wire times at its worst; it counts D,-20,20 where D,-127,-127 is the longest: 3 characters more.
+    [
+        ("N", 9600, 51.6),
+        ("N", 38400, 12.9),
+        ("O", 19200, 25.8),
+        ("H", 9600, 33.2),
+        ("E", 9600, 17.2),
+        ("ND", 9600, 65.3 + 3.4),
+        ("NOD", 9600, 117.0 + 3.4),
+        ("NOD", 19200, 58.4 + 1.7),
+        ("NOHD", 38400, 37.5 + 0.9),
+    ],
+)
+def test_the_budget_is_the_tables_worst_case(letters: str, baud: int, milliseconds: float) -> None:
+    assert seconds_needed(letters, baud) * 1000 == pytest.approx(milliseconds, abs=0.15)
+
+
+def test_what_fits_is_let_through() -> None:
+    assert check_budget("NOD", 38400, 0.1) == seconds_needed("NOD", 38400)
+    assert check_budget("ND", 9600, 0.1) < 0.09
+    assert check_budget("", 9600, 0.1) == 0
+
+
+def test_what_does_not_fit_is_refused_with_what_would() -> None:
+    with pytest.raises(WireTooSlow) as refused:
+        check_budget("NOD", 9600, 0.1)
+    assert str(refused.value) == (
+        "N, O and D need 120 ms at 9600 baud, more than the 90 ms that a period of 100 ms leaves for the wire: "
+        "use 19200 baud or --period 0.14"
+    )
+    with pytest.raises(WireTooSlow, match=r"^N needs 52 ms at"):
+        check_budget("N", 9600, 0.01)
+
+
+@given(
+    st.lists(st.sampled_from("NOHKEDT"), min_size=1, max_size=6),
+    st.sampled_from([9600, 19200, 38400, 57600, 115200]),
+    st.floats(0.005, 0.5),
+)
+def test_the_advice_of_a_refusal_holds(letters: list[str], baud: int, period: float) -> None:
+    try:
+        check_budget(letters, baud, period)
+    except WireTooSlow as refused:
+        advice = str(refused).rpartition("use ")[2]
+        check_budget(letters, baud, float(advice.rpartition("--period ")[2]))
+        if "baud" in advice:
+            check_budget(letters, int(advice.split()[0]), period)

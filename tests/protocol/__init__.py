@@ -1,0 +1,1 @@
+"""The protocol: both ends against each other, and any bytes whatever."""

@@ -1,0 +1,1 @@
+"""A run\x27s folder and what is derived from it."""
