@@ -290,7 +290,9 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
     if not isinstance(manifest, dict) or not isinstance(manifest.get("format"), int):
         raise RecordingError(f"{path} is not the manifest of a run")
     if manifest["format"] > FORMAT:
-        raise RecordingError(f"{path} has format {manifest['format']}, newer than {FORMAT}: use a newer khepera-hil")
+        raise RecordingError(
+            f"{path} has format {manifest['format']}, newer than {FORMAT}: use a newer khepera-hil"
+        )
     return manifest
 
 

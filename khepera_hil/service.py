@@ -16,7 +16,7 @@ from khepera_hil.khepera import Khepera
 from khepera_hil.lifecycle import Lifecycle
 from khepera_hil.perception import Readings
 from khepera_hil.quantiles import Quantiles
-from khepera_hil.recording import Answer, Recording, Tick
+from khepera_hil.recording import Answer, Pose, Recording, Tick
 from khepera_hil.scheduler import Beat, beats
 
 __all__ = ["GIVE_UP", "HOLD", "Service", "Witness"]
@@ -26,8 +26,6 @@ HOLD = 2
 
 GIVE_UP = 20
 """Ticks without readings, one after the other, after which the robot counts as silent and the run ends."""
-
-Pose = tuple[float, float, float]
 
 
 class Witness(Protocol):
@@ -66,6 +64,8 @@ class Service:
         """Seconds of the host that each tick took, waiting for the wire included; seconds that it came late."""
         self.ended: str | None = None
         """Why the loop ended: ``duration``, the reason given to :meth:`stop`, or ``error``."""
+        self.rested = False
+        """Whether the robot acknowledged the order to stand still at the end."""
         self._khepera, self._controller, self._witness = khepera, controller, witness
         self._clock, self._period, self._rng = clock, period, rng
         self._stopwatch, self._wall = stopwatch, wall
@@ -131,7 +131,7 @@ class Service:
     def _rest(self) -> None:
         self.lifecycle.send("stop")
         try:
-            self._khepera.stop()
+            self.rested = self._khepera.stop()
         except LinkLost:
             self.lifecycle.send("fail")
             if self.ended != "error":
@@ -201,7 +201,12 @@ class Service:
         return Answer(name, variables, values, given.p)
 
     def _heard(self, request: bytes, answer: bytes) -> None:
-        self._raw[chr(request[0])] = answer.decode("ascii").rstrip("\r\n")
+        # What came although nobody had asked stands under "?"; it is only ever there when the line was in trouble.
+        text = answer.decode("ascii", "backslashreplace").rstrip("\r\n")
+        if request.strip():
+            self._raw[chr(request.strip()[0])] = text
+        elif text:
+            self._raw["?"] = (self._raw.get("?", "") + text)[-500:]
 
     def _look(self, tick: Tick) -> None:
         if self._witness is None:

@@ -26,8 +26,8 @@ class Terminal:
         self._last = ""
         self._missed = 0
 
-    def write(self, tick: Tick) -> None:
-        """Show the tick, or not."""
+    def write(self, tick: Tick, dropped: int) -> None:
+        """Show the tick, or not; that some were passed over (``dropped``) does not matter here."""
         self._missed += tick.missed
         for level, text in tick.events:
             self._line(f"{tick.t:8.1f} s  {level}: {text}")
@@ -38,6 +38,9 @@ class Terminal:
         elif tick.t - self._shown_at >= 10.0 or self._shown_at < 0:
             self._shown_at = tick.t
             self._line(self._status(tick))
+
+    def flush(self) -> None:
+        """Nothing is held back."""
 
     def close(self) -> None:
         """Leave the cursor on a fresh line."""

@@ -31,7 +31,7 @@ from khepera_hil.quantiles import Quantiles
 from khepera_hil.recording import Recording
 from khepera_hil.service import Service
 from khepera_hil.terminal import Terminal
-from khepera_hil.viewer import Viewer
+from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
 from khepera_hil.world import arenas
 
 __all__ = ["main"]
@@ -95,16 +95,14 @@ def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock
     recording = Recording.create(
         asked.runs, program=asked.program, seed=seed, manifest=manifest, started=datetime.now()
     )
-    print(f"{asked.program} on {asked.port}: Khepera {versions[0]}, seed {seed}, recording {recording.folder}")
-    sys.stdout.flush()
-    viewer = Follower(Viewer(recording.folder / "run.rrd", recording.manifest), waits=clock.simulated)
-    terminal = Follower(Terminal(sys.stdout, asked.program), waits=False)
-    recording.followers += [viewer, terminal]
+    print(f"{asked.program} on {asked.port}: Khepera {versions[0]}, seed {seed}", flush=True)
+    rows = ROWS_FAST if clock.simulated else ROWS_WALL
+    sink = open_file(recording.folder / FILE, recording.manifest, rows=rows)
+    recording.follow(Follower(sink, name=FILE, waits=clock.simulated))
+    recording.follow(Follower(Terminal(sys.stdout, asked.program), name="the terminal", waits=False))
     try:
         service.run(recording, duration=asked.duration)
     finally:
-        terminal.close()
-        viewer.close()
         ending = {
             "ticks": service.ticks,
             "missed": service.missed,
@@ -113,23 +111,27 @@ def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock
             "late_ms": _percentiles(service.late),
             "stop": service.ended,
             "score": {} if witness is None else witness.score(),
-            "viewer_dropped": viewer.dropped,
         }
-        recording.close(ending)
-        _tell(recording, ending, as_json=asked.json, viewer=viewer)
+        losses = recording.close(ending)
+        if not service.rested:
+            losses.append("the robot did not acknowledge the order to stop: see that its wheels stand still")
+        _tell(recording, ending, losses, as_json=asked.json)
 
 
-def _tell(recording: Recording, ending: dict[str, Any], *, as_json: bool, viewer: Follower) -> None:
-    if viewer.error is not None:
-        print(f"khepera-hil: run.rrd is incomplete: {viewer.error}", file=sys.stderr)
+def _tell(recording: Recording, ending: dict[str, Any], losses: list[str], *, as_json: bool) -> None:
+    for loss in losses:
+        print(f"khepera-hil: {loss}", file=sys.stderr)
     print(f"stopped ({ending['stop']}) after {ending['ticks']} ticks, {ending['missed']} deadlines missed")
-    for name, value in ending["score"].items():
-        print(f"  {name}: {value}")
-    print(f"recorded in {recording.folder}; to look at it: {_rerun()} {recording.folder / 'run.rrd'}")
+    if ending["score"]:
+        print("score: " + ", ".join(f"{name} {value}" for name, value in ending["score"].items()))
+    print(f"recorded in {recording.folder}; to look at it: {_rerun()} {recording.folder / FILE}")
     if as_json:
         manifest = recording.manifest
-        result = {"run": str(recording.folder), "program": manifest["program"], "seed": manifest["seed"], **ending}
-        print(json.dumps(result))
+        print(
+            json.dumps(
+                {"run": str(recording.folder), "program": manifest["program"], "seed": manifest["seed"], **ending}
+            )
+        )
 
 
 def _rerun() -> str:

@@ -40,13 +40,21 @@ class Decision:
 class Controller(Protocol):
     """A program on a robot. It knows neither port nor clock, and not whether the robot is a real one."""
 
-    name: str
-    needs: tuple[str, ...]
-    """Letters of the readings that each tick takes, in the order in which they are asked."""
-    questions: Mapping[str, Question]
-    """What it asks each tick, by key."""
-    decides: str
-    """Key of the question whose draw moves the robot."""
+    @property
+    def name(self) -> str:
+        """As the command line knows it."""
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Letters of the readings that each tick takes, in the order in which they are asked."""
+
+    @property
+    def questions(self) -> Mapping[str, Question]:
+        """What it asks each tick, by key."""
+
+    @property
+    def decides(self) -> str:
+        """Key of the question whose draw moves the robot."""
 
     def step(self, readings: Readings, rng: np.random.Generator) -> Decision:
         """One tick's decision. Raises brp's errors when the evidence is impossible."""

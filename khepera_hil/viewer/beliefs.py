@@ -170,7 +170,10 @@ class Beliefs:
             water = f"/waterfall/{path}"
             self._ramps[path] = colours.ramp(panel.colour)
             stream.log(
-                f"{water}/past/p", rr.LineStrips2D.from_fields(radii=[0.5], draw_order=1.0), static=True, strict=True
+                f"{water}/past/p",
+                rr.LineStrips2D.from_fields(radii=[0.5], draw_order=1.0),
+                static=True,
+                strict=True,
             )
             stream.log(
                 f"{water}/past/drawn",

@@ -119,9 +119,7 @@ def tensors(rows: Sequence[NDArray[np.floating[Any]] | None]) -> Columns:
     return _column(rr.Tensor.descriptor_data(), rows)
 
 
-def static_bars(
-    stream: rr.RecordingStream, path: str, at: NDArray[np.float64], width: float, colour: int
-) -> None:
+def static_bars(stream: rr.RecordingStream, path: str, at: NDArray[np.float64], width: float, colour: int) -> None:
     """What never changes of a bar chart: where its bars stand (their centres), how wide they are, their colour."""
     left = np.asarray(at - width / 2, np.float32)  # the viewer's bar begins at its abscissa
     stream.log(

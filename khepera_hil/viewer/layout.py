@@ -67,9 +67,7 @@ def _space(manifest: Mapping[str, Any]) -> rrb.Spatial2DView:
         origin="/",
         contents=["/world/**"],
         name=f"Arena {world.get('name', '')}, {width:g} m x {height:g} m: rays = proximity (red), light (yellow)",
-        visual_bounds=rrb.VisualBounds2D(
-            x_range=[-margin, width + margin], y_range=[-height - margin, margin]
-        ),
+        visual_bounds=rrb.VisualBounds2D(x_range=[-margin, width + margin], y_range=[-height - margin, margin]),
         background=GROUND,
         overrides={TRAIL: trail},
     )

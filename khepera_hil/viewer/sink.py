@@ -23,7 +23,14 @@ PROBE = 100
 """Ticks between two questions to the file whether it still takes anything: after a full disk it says so only
 when flushed."""
 
-LEVELS = {"debug": "DEBUG", "info": "INFO", "warning": "WARN", "warn": "WARN", "error": "ERROR", "critical": "CRITICAL"}
+LEVELS = {
+    "debug": "DEBUG",
+    "info": "INFO",
+    "warning": "WARN",
+    "warn": "WARN",
+    "error": "ERROR",
+    "critical": "CRITICAL",
+}
 
 
 class RerunFile:
@@ -35,9 +42,7 @@ class RerunFile:
         # The viewer remembers a layout that the user changed by the application's name: one for each program.
         self._stream = rr.RecordingStream(f"khepera-hil-{plain}", recording_id=str(manifest.get("run", path.stem)))
         self._stream.set_log_time_enabled(False)
-        self._stream.set_sinks(
-            rr.FileSink(str(path), write_footer=True), default_blueprint=layout(manifest)
-        )
+        self._stream.set_sinks(rr.FileSink(str(path), write_footer=True), default_blueprint=layout(manifest))
         self._rows = rows
         self._count = 0
         started = manifest.get("started")

@@ -22,18 +22,18 @@ def log(folder: Path) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize("program", ["avoid", "phototaxy", "home"])
 def test_the_same_command_twice_gives_the_same_bytes_and_the_same_log(tmp_path: Path, program: str) -> None:
-    arguments = ["--program", program, "--fast", "--duration", "20", "--seed", "11", "--json", "--runs", tmp_path]
+    arguments = ["--program", program, "--fast", "--duration", "20", "--seed", "11", "--json"]
     first = khepera_hil(*arguments, cwd=tmp_path, PYTHONHASHSEED="1")
     again = khepera_hil(*arguments, cwd=tmp_path, PYTHONHASHSEED="2")
     assert first.code == again.code == 0, first.err + again.err
     assert first.result["ticks"] == 200
     assert first.result["stop"] == "duration"
-    one, two = log(Path(first.result["run"])), log(Path(again.result["run"]))
+    one, two = log(tmp_path / first.result["run"]), log(tmp_path / again.result["run"])
     assert one == two
     # The log holds the wire: raw answers as they came, commands as they were sent.
     assert all(tick["raw"] and tick["command"] for tick in one)
-    other = khepera_hil(*arguments[:-5], "12", "--json", "--runs", tmp_path, cwd=tmp_path)
-    assert log(Path(other.result["run"])) != one
+    other = khepera_hil(*arguments[:-2], "12", "--json", cwd=tmp_path)
+    assert log(tmp_path / other.result["run"]) != one
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
