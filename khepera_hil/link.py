@@ -412,6 +412,9 @@ def _what_to_do(url: str, baud: int, error: Exception) -> str:
     number = _errno(error)
     if "://" in url and "not known" in str(error) and isinstance(error, ValueError):
         return f"{url!r} is no kind of port: use a device such as /dev/ttyUSB0, socket://HOST:PORT or emulator"
+    if isinstance(error, NotImplementedError):
+        # pyserial's rfc2217 knows no write timeout, and negotiates for 50 ms each time that a read's is set.
+        return f"{url!r} is a kind of port without deadlines, which cannot be used: try socket://HOST:PORT"
     if number == errno.ENOENT:
         seen = ", ".join(sorted(port.device for port in list_ports.comports()))
         here = (

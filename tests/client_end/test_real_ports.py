@@ -269,6 +269,15 @@ def test_a_port_that_is_forbidden_is_told(tmp_path: Path) -> None:
         open_port(str(forbidden), BAUD)
 
 
+def test_a_kind_of_port_without_deadlines_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise NotImplementedError("write_timeout is currently not supported")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    with pytest.raises(PortError, match="without deadlines"):
+        open_port("rfc2217://host:1", BAUD)
+
+
 @pytest.mark.parametrize(
     ("number", "sentence"),
     [(13, "may not be opened by you: join its group, mostly dialout"), (16, "in use"), (5, "no device behind it")],
