@@ -56,6 +56,8 @@ def serve_pty(
         clock = WallClock()
         while True:
             now = clock.now()
+            # Nothing times the bytes between a client and us, so the rate is the one that stands now.
+            emulator.host_baud = _speed(slave) or baud
             _send(master, emulator.transmitted(now))
             full = emulator.unsent(now) >= _UNSENT
             due = emulator.next_event()
@@ -65,7 +67,6 @@ def serve_pty(
                 emulator.advance(clock.now())
                 return world.score()
             if master in readable:
-                # Nothing timed the bytes on their way to us, so the rate is the one that stands now.
                 emulator.host_baud = _speed(slave) or baud
                 emulator.receive(os.read(master, _UNSENT), clock.now())
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 import serial
-from serial.serialutil import SerialBase, to_bytes
+from serial.serialutil import SerialBase
 
 from khepera_hil.clock import Clock, SimulatedClock, WallClock
 from khepera_hil.emulator import Emulator
@@ -129,13 +129,13 @@ class Serial(SerialBase):
         del self._input[:size]
         return data
 
-    def write(self, data: ReadableBuffer, /) -> int:
-        """Hand ``data`` to the wire; waits only while more than 4096 characters have not left.
+    def write(self, b: ReadableBuffer, /) -> int:
+        """Hand the bytes ``b`` to the wire; waits only while more than 4096 characters have not left.
 
         Raises SerialTimeoutException after ``write_timeout`` seconds of that.
         """
         robot = self._robot()
-        data = to_bytes(data)
+        data = bytes(memoryview(b))
         now = self._pump(robot)
         limit = math.inf if self.write_timeout is None else now + self.write_timeout
         for first in range(0, len(data), _DRIVER_BUFFER):

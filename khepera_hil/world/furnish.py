@@ -50,14 +50,14 @@ def furnish(arena: Arena, things: np.random.Generator, start: np.random.Generato
 
 def _arena_walls(arena: Arena) -> list[Shape]:
     width, depth = arena.size
-    more = {"reflectance": arena.wall_reflectance}
+    light = arena.wall_reflectance
     height = arena.wall_height
     long, half = 2 * _WALL, _WALL / 2
     return [
-        box("south wall", "wall", width + long, _WALL, (width / 2, -half, 0.0), height, **more),
-        box("east wall", "wall", _WALL, depth + long, (width + half, depth / 2, 0.0), height, **more),
-        box("north wall", "wall", width + long, _WALL, (width / 2, depth + half, 0.0), height, **more),
-        box("west wall", "wall", _WALL, depth + long, (-half, depth / 2, 0.0), height, **more),
+        box("south wall", "wall", width + long, _WALL, (width / 2, -half, 0.0), height, reflectance=light),
+        box("east wall", "wall", _WALL, depth + long, (width + half, depth / 2, 0.0), height, reflectance=light),
+        box("north wall", "wall", width + long, _WALL, (width / 2, depth + half, 0.0), height, reflectance=light),
+        box("west wall", "wall", _WALL, depth + long, (-half, depth / 2, 0.0), height, reflectance=light),
     ]
 
 

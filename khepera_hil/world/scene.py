@@ -32,6 +32,7 @@ class Solid:
         self.place(shape.pose)
 
     def place(self, pose: Pose) -> None:
+        """Compute its box and edges anew."""
         self.x, self.y, _ = pose
         self.edges: list[_Edge] = []
         moved = self.shape.at(pose)
@@ -188,7 +189,7 @@ class Scene:
 
 
 def beside(solid: Solid, x: float, y: float, along_x: float, along_y: float, width: float) -> bool:
-    """Whether the solid is wholly more than ``width`` to one side of the line through (x, y) along a unit vector."""
+    """Whether the solid is wholly more than ``width`` beside the line through (x, y) along a unit vector."""
     if not solid.edges:
         return abs((solid.x - x) * along_y - (solid.y - y) * along_x) >= width + solid.shape.radius
     sides = [(edge[0] - x) * along_y - (edge[1] - y) * along_x for edge in solid.edges]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from khepera_hil.world.scene import Rays, Scene, Solid, beside, hides
 from khepera_hil.world.shapes import Pose
 
-__all__ = ["BODY_RADIUS", "SENSOR_HEIGHT", "Lamp", "Sensors"]
+__all__ = ["BODY_RADIUS", "GAIN_SPREAD", "POINTINGS", "SENSOR_HEIGHT", "Lamp", "Sensors"]
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ _SENSOR_RADIUS = 28.0
 # Where they sit and where they point, in the order of commands N and O (KiKS; a near wall peaks at the one
 # angle, a far lamp at the other, in tables recorded on real robots).
 _PLACES = np.radians([68.0, 43.0, 13.0, -13.0, -43.0, -68.0, -158.0, 158.0])
-_POINTINGS = np.radians([90.0, 45.0, 10.0, -10.0, -45.0, -90.0, -180.0, 180.0])
+POINTINGS = np.radians([90.0, 45.0, 10.0, -10.0, -45.0, -90.0, -180.0, 180.0])
 
 # Proximity: five rays a sensor; parameters fitted together to the sampled wall and cylinder of the Evorobot
 # simulator (8 sensors x 180 bearings x 20 distances, recorded on a Khepera). They trade off against each
@@ -43,6 +43,10 @@ _INCIDENCE = 1.58
 _THRESHOLD = 394.0
 GAIN = 46_700.0
 """Geometric mean of the eight sensors."""
+
+GAIN_SPREAD = 0.25
+"""Standard deviation of the gains' logarithm among the sensors of one robot."""
+
 _REACH = 130.0  # from the robot's centre: a ray of that length is worth less than a fifteenth of the threshold
 _TOUCHING = 3.0  # mm behind a sensor at which a line of sight begins, for the same reason
 _BACK_OFF = 5.0  # rays start this far inside the body, so that a wall that touches it is hit
@@ -84,7 +88,7 @@ class Sensors:
         diffuse: float = 0.0,
     ) -> None:
         self._gain = GAIN * gains
-        pointings = _POINTINGS + mountings
+        pointings = POINTINGS + mountings
         self._lamps = list(lamps)
         self._base = base
         self._diffuse = diffuse
@@ -102,7 +106,8 @@ class Sensors:
         distance, cosine, reflectance = seen
         way = np.maximum(distance - _BACK_OFF, 0)
         returned = reflectance * cosine**_INCIDENCE * (10 / (way + _OFFSET)) ** _FALL
-        return self._gain * (returned.reshape(8, len(_RAYS)) @ _WEIGHTS) - _THRESHOLD
+        values: Array = self._gain * (returned.reshape(8, len(_RAYS)) @ _WEIGHTS) - _THRESHOLD
+        return values
 
     def light(self, scene: Scene, pose: Pose) -> Array:
         """Ambient light before noise, rounding and clipping, shape (8,); low is bright."""

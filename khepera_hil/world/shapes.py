@@ -18,6 +18,9 @@ lamp: hangs above the floor; base: the base's square on the floor. The last thre
 Pose = tuple[float, float, float]
 """x (right), y (up) and theta (counter-clockwise)."""
 
+FLOOR_FRICTION = 0.35
+"""Wood on wood (proposed; plastic 0.25, a rubber foot 0.45)."""
+
 Points = NDArray[np.float64]
 
 
@@ -37,7 +40,7 @@ class Shape:
     radius: float = 0.0
     reflectance: float = 1.0
     mass: float = math.inf
-    floor_friction: float = 0.35
+    floor_friction: float = FLOOR_FRICTION
 
     @property
     def movable(self) -> bool:
@@ -76,15 +79,37 @@ class Shape:
         }
 
 
-def box(name: str, kind: Kind, width: float, depth: float, pose: Pose, height: float, **more: float) -> Shape:
+def box(
+    name: str,
+    kind: Kind,
+    width: float,
+    depth: float,
+    pose: Pose,
+    height: float,
+    *,
+    reflectance: float = 1.0,
+    mass: float = math.inf,
+    floor_friction: float = FLOOR_FRICTION,
+) -> Shape:
     """A rectangle, ``width`` along its own x axis."""
     x, y = width / 2, depth / 2
-    return Shape(name, kind, pose, height, corners=((-x, -y), (x, -y), (x, y), (-x, y)), **more)
+    corners = ((-x, -y), (x, -y), (x, y), (-x, y))
+    return Shape(name, kind, pose, height, corners, 0.0, reflectance, mass, floor_friction)
 
 
-def disc(name: str, kind: Kind, radius: float, pose: Pose, height: float, **more: float) -> Shape:
+def disc(
+    name: str,
+    kind: Kind,
+    radius: float,
+    pose: Pose,
+    height: float,
+    *,
+    reflectance: float = 1.0,
+    mass: float = math.inf,
+    floor_friction: float = FLOOR_FRICTION,
+) -> Shape:
     """A cylinder."""
-    return Shape(name, kind, pose, height, radius=radius, **more)
+    return Shape(name, kind, pose, height, (), radius, reflectance, mass, floor_friction)
 
 
 def turned(points: Points, pose: Pose) -> Points:

@@ -20,7 +20,7 @@ from khepera_hil.world.noise import FrameNoise
 from khepera_hil.world.physics import Physics
 from khepera_hil.world.scene import Scene
 from khepera_hil.world.score import Score
-from khepera_hil.world.sensors import BODY_RADIUS, Sensors
+from khepera_hil.world.sensors import BODY_RADIUS, GAIN_SPREAD, Sensors
 from khepera_hil.world.shapes import Pose, Shape, box, disc
 from khepera_hil.world.wheels import WHEEL_BASE, Wheels
 
@@ -36,7 +36,6 @@ _STEPS_A_FRAME = 4
 until the next time."""
 
 _ROBOT_HEIGHT = 29.0  # mm (paper, section 4.1)
-_GAIN_SPREAD = 0.25  # standard deviation of the logarithm, of the gains fitted to one robot's eight sensors
 _MOUNTING = math.radians(3.0)  # standard deviation (proposed)
 _WHEEL_BIAS = 0.01  # standard deviation (proposed)
 _PROXIMITY_NOISE = 25.0  # counts, additive: third differences along the measured tables
@@ -60,7 +59,7 @@ class World:
             self.arena, np.random.default_rng(furniture), np.random.default_rng(owners["start"])
         )
         self.sensors = Sensors(
-            gains=np.exp(robot.normal(0, _GAIN_SPREAD, 8)),
+            gains=np.exp(robot.normal(0, GAIN_SPREAD, 8)),
             mountings=robot.normal(0, _MOUNTING, 8),
             lamps=self.layout.lamps,
             base=self.arena.base_square,
