@@ -1,0 +1,226 @@
+"""``emulator://ARENA?seed=N&clock=wall|simulated&baud=B``: a pyserial port with an emulated robot behind it.
+
+ARENA is an arena's name or the path of a TOML file (``emulator:///home/me/arena.toml``), ``furnished`` when
+there is none; ``seed`` is 0 by default, ``clock`` the wall's, ``baud`` the rate that the port is opened with
+(give another one, and the line is garbled). Each opening switches on a new robot in a new world.
+
+Everything runs in the caller's thread: the world is moved on when the port is used, as far as the clock
+says; with the simulated clock it is the reading and the sleeping that move the clock.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qsl, unquote, urlsplit
+
+import serial
+from serial.serialutil import SerialBase
+
+from khepera_hil.clock import Clock, SimulatedClock, WallClock
+from khepera_hil.emulator import Emulator
+from khepera_hil.errors import UsageError
+from khepera_hil.uart import FIFO_16550
+from khepera_hil.world import World
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
+__all__ = ["Serial", "Witness"]
+
+_DRIVER_BUFFER = 4096
+"""Characters that the host's driver takes before ``write`` has to wait, as a Linux terminal does."""
+
+_KEYS = ("seed", "clock", "baud")
+_CLOCKS: dict[str, type[WallClock] | type[SimulatedClock]] = {"wall": WallClock, "simulated": SimulatedClock}
+
+
+class Witness:
+    """What the emulated world saw, up to the clock's now. Metres, radians counter-clockwise, seconds."""
+
+    def __init__(self, world: World, catch_up: Callable[[], float]) -> None:
+        self._world = world
+        self._catch_up = catch_up
+
+    def pose(self) -> tuple[float, float, float]:
+        """The robot's true pose: x, y, theta."""
+        self._catch_up()
+        return self._world.pose()
+
+    def shapes(self) -> list[dict[str, Any]]:
+        """Everything there is, at its starting pose: see :meth:`khepera_hil.world.World.shapes`."""
+        return self._world.shapes()
+
+    def poses(self) -> dict[str, tuple[float, float, float]]:
+        """Where the movable things are now, by name."""
+        self._catch_up()
+        return self._world.poses()
+
+    def score(self) -> dict[str, Any]:
+        """The run's figures so far: see :meth:`khepera_hil.world.score.Score.figures`."""
+        self._catch_up()
+        return self._world.score()
+
+
+class Serial(SerialBase):
+    """The port. ``clock`` and ``witness`` are there once it has been opened, and stay when it is closed."""
+
+    clock: Clock
+    witness: Witness
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        self._emulator: Emulator | None = None
+        self._input = bytearray()
+        super().__init__(*args, **kwargs)
+
+    def open(self) -> None:
+        """Switch the robot on. Raises UsageError and WorldError for a URL that makes no sense."""
+        if self.is_open:
+            raise serial.SerialException("Port is already open.")
+        if self.port is None:
+            raise serial.SerialException("Port must be configured before it can be used.")
+        arena, seed, make_clock, baud = _parsed(self.port)
+        world = World(arena, seed)
+        self._emulator = Emulator(world, baud or self.baudrate, host_baud=self._checked_baudrate(), fifo=FIFO_16550)
+        self._input.clear()
+        clock = make_clock()
+        if isinstance(clock, SimulatedClock):
+            clock.on_advance = self._emulator.advance
+        self.clock = clock
+        self.is_open = True
+        self.witness = Witness(world, self._catch_up)
+
+    def close(self) -> None:
+        """Let go of the robot; its world stands still from now on."""
+        if self.is_open:
+            self._catch_up()
+            self.is_open = False
+            if isinstance(self.clock, SimulatedClock):
+                self.clock.on_advance = None
+
+    @property
+    def in_waiting(self) -> int:
+        """Bytes that can be read at once."""
+        self._pump(self._robot())
+        return len(self._input)
+
+    @property
+    def out_waiting(self) -> int:
+        """Bytes written whose last bit has not left."""
+        return self._robot().unsent(self.clock.now())
+
+    def read(self, size: int = 1, /) -> bytes:
+        """``size`` bytes, or those that came within ``timeout`` seconds (None: no limit, 0: do not wait).
+
+        Raises SerialException where waiting would never end: no limit, and nothing on its way.
+        """
+        robot = self._robot()
+        timeout = self.timeout
+        deadline = math.inf if timeout is None else self.clock.now() + timeout
+        now = self._pump(robot)
+        while len(self._input) < size and now < deadline:
+            next_event = robot.next_event()
+            if next_event is None and timeout is None:
+                raise serial.SerialException("nothing is on its way, and the port has no timeout")
+            self.clock.sleep_until(min(deadline, math.inf if next_event is None else next_event))
+            now = self._pump(robot)
+        data = bytes(self._input[:size])
+        del self._input[:size]
+        return data
+
+    def write(self, b: ReadableBuffer, /) -> int:
+        """Hand the bytes ``b`` to the wire; waits only while more than 4096 characters have not left.
+
+        Raises SerialTimeoutException after ``write_timeout`` seconds of that.
+        """
+        robot = self._robot()
+        data = bytes(memoryview(b))
+        now = self._pump(robot)
+        limit = math.inf if self.write_timeout is None else now + self.write_timeout
+        for first in range(0, len(data), _DRIVER_BUFFER):
+            part = data[first : first + _DRIVER_BUFFER]
+            while (over := robot.unsent(now) + len(part) - _DRIVER_BUFFER) > 0:
+                if now >= limit:
+                    raise serial.SerialTimeoutException("Write timeout")
+                self.clock.sleep_until(min(limit, now + over * 11 / self.baudrate))
+                now = self._pump(robot)
+            robot.receive(part, now)
+        return len(data)
+
+    def flush(self) -> None:
+        """Wait until everything that was written has left."""
+        robot = self._robot()
+        while (left := robot.unsent(self.clock.now())) > 0:
+            self.clock.sleep_until(self.clock.now() + left * 11 / self.baudrate)
+            self._pump(robot)
+
+    def reset_input_buffer(self) -> None:
+        """Forget what has come and was not read."""
+        self._pump(self._robot())
+        self._input.clear()
+
+    def reset_output_buffer(self) -> None:
+        """Forget what was written and has not left."""
+        robot = self._robot()
+        robot.drop_unsent(self._pump(robot))
+
+    def _robot(self) -> Emulator:
+        if not self.is_open or self._emulator is None:
+            raise serial.PortNotOpenError
+        return self._emulator
+
+    def _pump(self, robot: Emulator) -> float:
+        """Take over what has come by now."""
+        now = self.clock.now()
+        self._input += robot.transmitted(now)
+        return now
+
+    def _catch_up(self) -> float:
+        now = self.clock.now()
+        if self.is_open and self._emulator is not None:
+            self._emulator.advance(now)
+        return now
+
+    def _checked_baudrate(self) -> int:
+        if not 0 < self.baudrate <= 4_000_000:
+            raise ValueError(f"invalid baudrate: {self.baudrate!r}")
+        return self.baudrate
+
+    def _reconfigure_port(self) -> None:
+        """Called by pyserial when a setting changes; only the rate means something to the wire."""
+        if self._emulator is not None:
+            self._emulator.host_baud = self._checked_baudrate()
+
+    # Lines that a three-wire cable does not have; pyserial sets them on opening and on request.
+    def _update_rts_state(self) -> None: ...
+
+    def _update_dtr_state(self) -> None: ...
+
+    def _update_break_state(self) -> None: ...
+
+
+def _parsed(url: str) -> tuple[str, int, Callable[[], WallClock | SimulatedClock], int | None]:
+    """Arena, seed, clock and the robot's rate (None: the port's). Raises UsageError."""
+    parts = urlsplit(url)
+    arena = unquote(parts.netloc + parts.path) or "furnished"
+    given: dict[str, str] = {}
+    for key, value in parse_qsl(parts.query, keep_blank_values=True):
+        if key not in _KEYS:
+            raise UsageError(f"emulator:// knows no {key!r}; there are {', '.join(_KEYS)}")
+        given[key] = value
+    clock = given.get("clock", "wall")
+    if clock not in _CLOCKS:
+        raise UsageError(f"emulator:// has no clock {clock!r}; there are {' and '.join(_CLOCKS)}")
+    return (
+        arena.rstrip("/") or arena,
+        _whole("seed", given.get("seed", "0")),
+        _CLOCKS[clock],
+        _whole("baud", given["baud"]) if "baud" in given else None,
+    )
+
+
+def _whole(key: str, text: str) -> int:
+    if not text.isascii() or not text.isdigit():
+        raise UsageError(f"emulator:// takes a whole number for {key}, not {text!r}")
+    return int(text)

@@ -1,0 +1,6 @@
+"""What is physical: the arena, the robot's body and its sensors, on pymunk; knows no protocol."""
+
+from khepera_hil.world.arena import Arena, arenas, load_arena
+from khepera_hil.world.world import World
+
+__all__ = ["Arena", "World", "arenas", "load_arena"]

@@ -1,0 +1,181 @@
+"""From an arena and a seed to where everything stands."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from khepera_hil.errors import WorldError
+from khepera_hil.world.arena import Arena, Base, Scatter
+from khepera_hil.world.sensors import BODY_RADIUS, Lamp
+from khepera_hil.world.shapes import Pose, Shape, box, disc, gap
+
+__all__ = ["Layout", "furnish"]
+
+_WALL = 20.0  # mm, thickness of the arena's walls, outside the floor
+_LAYOUTS, _TRIES, _STARTS = 400, 60, 20_000
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Everything at its starting place: what stands on the floor, lamps, the base, the robot."""
+
+    arena: Arena
+    shapes: tuple[Shape, ...]
+    base_walls: frozenset[str]
+    lamps: tuple[Lamp, ...]
+    start: Pose
+
+
+def furnish(arena: Arena, things: np.random.Generator, start: np.random.Generator) -> Layout:
+    """Draw what the arena leaves open: furniture and lamps from ``things``, the robot's pose from ``start``.
+
+    Raises :class:`~khepera_hil.errors.WorldError` when there is no room.
+    """
+    walls = _arena_walls(arena)
+    base_walls = _base_walls(arena)
+    lamps = tuple(
+        Lamp(plan.name, *plan.at, float(things.uniform(*plan.height)), plan.intensity, plan.radius)
+        for plan in arena.lamps
+    )
+    given = [*base_walls, *arena.things]
+    scattered = _scattered(arena, arena.scatter, given, things) if arena.scatter is not None else []
+    shapes = (*walls, *given, *scattered)
+    return Layout(
+        arena, shapes, frozenset(wall.name for wall in base_walls), lamps, _start(arena, list(shapes), start)
+    )
+
+
+def _arena_walls(arena: Arena) -> list[Shape]:
+    width, depth = arena.size
+    light = arena.wall_reflectance
+    height = arena.wall_height
+    long, half = 2 * _WALL, _WALL / 2
+    return [
+        box("south wall", "wall", width + long, _WALL, (width / 2, -half, 0.0), height, reflectance=light),
+        box("east wall", "wall", _WALL, depth + long, (width + half, depth / 2, 0.0), height, reflectance=light),
+        box("north wall", "wall", width + long, _WALL, (width / 2, depth + half, 0.0), height, reflectance=light),
+        box("west wall", "wall", _WALL, depth + long, (-half, depth / 2, 0.0), height, reflectance=light),
+    ]
+
+
+def _base_walls(arena: Arena) -> list[Shape]:
+    """Two walls on the inner sides of the base's square, from the arena's wall inwards, outside the square."""
+    base = arena.base
+    if base is None or base.wall_length == 0:
+        return []
+    right, high = base.corner
+    along = base.wall_length / 2
+    across = base.side + base.wall_thickness / 2
+
+    def corner(x: float, y: float) -> Pose:
+        return (arena.size[0] - x if right else x), (arena.size[1] - y if high else y), 0.0
+
+    def wall(name: str, size: tuple[float, float], pose: Pose, base: Base) -> Shape:
+        return box(name, "wall", *size, pose, base.wall_height)
+
+    return [
+        wall("base wall 1", (base.wall_thickness, base.wall_length), corner(across, along), base),
+        wall("base wall 2", (base.wall_length, base.wall_thickness), corner(along, across), base),
+    ]
+
+
+def _base_area(arena: Arena) -> Shape | None:
+    if (square := arena.base_square) is None:
+        return None
+    left, low, right, high = square
+    return box("base", "base", right - left, high - low, ((left + right) / 2, (low + high) / 2, 0.0), 0.0)
+
+
+def _scattered(arena: Arena, plan: Scatter, given: list[Shape], chance: np.random.Generator) -> list[Shape]:
+    floor = arena.size[0] * arena.size[1]
+    base = _base_area(arena)
+    for _ in range(_LAYOUTS):
+        things = _choose(plan, chance)
+        if not plan.share[0] <= sum(thing.area for thing in things) / floor <= plan.share[1]:
+            continue
+        placed: list[Shape] = []
+        for thing in sorted(things, key=lambda thing: -_reach(thing)):
+            for _ in range(_TRIES):
+                x, y = chance.uniform(0, arena.size[0]), chance.uniform(0, arena.size[1])
+                there = thing.at((float(x), float(y), float(chance.uniform(-math.pi, math.pi))))
+                if _fits(there, [*given, *placed], plan.gap, arena.size) and (
+                    base is None or gap(there, base) >= plan.base_gap
+                ):
+                    placed.append(there)
+                    break
+            else:
+                break
+        if len(placed) == len(things):
+            return sorted(placed, key=lambda thing: thing.name)
+    raise WorldError(f"the arena {arena.name} is too full: its scattered things find no room; ask for less")
+
+
+def _choose(plan: Scatter, chance: np.random.Generator) -> list[Shape]:
+    """Things without a place. Heights and masses alternate, so that there are always some of each."""
+    nowhere = (0.0, 0.0, 0.0)
+    things = [
+        box(
+            f"wall {number + 1}",
+            "fixed",
+            plan.wall_length,
+            plan.wall_thickness,
+            nowhere,
+            _nth(plan.heights, number),
+        )
+        for number in range(plan.walls)
+    ]
+    blocks = int(chance.integers(plan.blocks[0], plan.blocks[1] + 1))
+    discs = int(chance.integers(plan.discs[0], plan.discs[1] + 1))
+    for number in range(blocks + discs):
+        height = _nth(plan.heights, number)
+        # The masses take turns at half the pace, so that low ones come light and heavy, and high ones too.
+        mass = _nth(plan.masses, number // len(plan.heights))
+        if number < blocks:
+            width, depth = chance.uniform(*plan.block_side, 2)
+            name = f"block {number + 1}"
+            things.append(box(name, "block", float(width), float(depth), nowhere, height, mass=mass))
+        else:
+            name, radius = f"disc {number - blocks + 1}", float(chance.uniform(*plan.disc_radius))
+            things.append(disc(name, "disc", radius, nowhere, height, mass=mass))
+    return things
+
+
+def _start(arena: Arena, shapes: list[Shape], chance: np.random.Generator) -> Pose:
+    if arena.start.pose is not None:
+        return arena.start.pose
+    base = _base_area(arena)
+    inside = shapes[len(_arena_walls(arena)) :]
+    for _ in range(_STARTS):
+        x, y = float(chance.uniform(0, arena.size[0])), float(chance.uniform(0, arena.size[1]))
+        robot = disc("robot", "robot", BODY_RADIUS, (x, y, float(chance.uniform(-math.pi, math.pi))), 29.0)
+        centre = disc("centre", "robot", 0.0, robot.pose, 0.0)
+        if _fits(robot, inside, arena.start.clearance, arena.size) and (
+            base is None or gap(centre, base) >= arena.start.from_base
+        ):
+            return robot.pose
+    raise WorldError(f"the arena {arena.name} has no place where the robot could start; ask for less clearance")
+
+
+def _fits(shape: Shape, others: list[Shape], clearance: float, size: tuple[float, float]) -> bool:
+    """Whether it is this far from everything and from the edges of the floor."""
+    reach, (x, y, _) = _reach(shape), shape.pose
+    across, up = shape.points().T
+    least = clearance + shape.radius
+    if across.min() < least or up.min() < least or across.max() > size[0] - least or up.max() > size[1] - least:
+        return False
+    for other in others:
+        far = math.hypot(other.pose[0] - x, other.pose[1] - y)
+        if far < reach + _reach(other) + clearance and gap(shape, other) < clearance:
+            return False
+    return True
+
+
+def _reach(shape: Shape) -> float:
+    return max((math.hypot(*corner) for corner in shape.corners), default=shape.radius)
+
+
+def _nth(values: tuple[float, ...], number: int) -> float:
+    return values[number % len(values)]

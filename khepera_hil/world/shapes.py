@@ -1,0 +1,153 @@
+"""What stands on the floor: convex polygons and discs with a height. Millimetres, grams, radians."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Kind", "Pose", "Shape", "box", "disc", "gap", "turned"]
+
+Kind = Literal["wall", "fixed", "block", "disc", "lamp", "base", "robot"]
+"""wall: the arena's and the base's; fixed: stands for ever; block and disc: can be pushed if light enough;
+lamp: hangs above the floor; base: the base's square on the floor. The last three stand in nobody's way."""
+
+Pose = tuple[float, float, float]
+"""x (right), y (up) and theta (counter-clockwise)."""
+
+FLOOR_FRICTION = 0.35
+"""Wood on wood (proposed; plastic 0.25, a rubber foot 0.45)."""
+
+Points = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A convex polygon (``corners`` in its own frame, counter-clockwise) or a disc (``radius``).
+
+    ``reflectance`` is for infrared light, 1 for white paper; ``mass`` infinite for what cannot move;
+    ``floor_friction`` the coefficient between it and the floor.
+    """
+
+    name: str
+    kind: Kind
+    pose: Pose
+    height: float
+    corners: tuple[tuple[float, float], ...] = ()
+    radius: float = 0.0
+    reflectance: float = 1.0
+    mass: float = math.inf
+    floor_friction: float = FLOOR_FRICTION
+
+    @property
+    def movable(self) -> bool:
+        """Whether it is a body of its own."""
+        return math.isfinite(self.mass)
+
+    @property
+    def area(self) -> float:
+        """Of the floor that it covers, mm2."""
+        if not self.corners:
+            return math.pi * self.radius**2
+        x, y = np.array(self.corners).T
+        return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+    def at(self, pose: Pose) -> Shape:
+        """The same thing elsewhere."""
+        return replace(self, pose=pose)
+
+    def points(self) -> Points:
+        """The corners on the floor, shape (n, 2); a disc's centre, shape (1, 2)."""
+        return turned(np.array(self.corners or ((0.0, 0.0),)), self.pose)
+
+    def described(self) -> dict[str, Any]:
+        """For a recording: metres, JSON-able."""
+        x, y, theta = self.pose
+        outline: dict[str, Any] = {"radius": self.radius / 1000}
+        if self.corners:
+            outline = {"polygon": [[x / 1000, y / 1000] for x, y in self.corners]}
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            **outline,
+            "pose": [x / 1000, y / 1000, theta],
+            "height": self.height / 1000,
+            "movable": self.movable or self.kind == "robot",
+        }
+
+
+def box(
+    name: str,
+    kind: Kind,
+    width: float,
+    depth: float,
+    pose: Pose,
+    height: float,
+    *,
+    reflectance: float = 1.0,
+    mass: float = math.inf,
+    floor_friction: float = FLOOR_FRICTION,
+) -> Shape:
+    """A rectangle, ``width`` along its own x axis."""
+    x, y = width / 2, depth / 2
+    corners = ((-x, -y), (x, -y), (x, y), (-x, y))
+    return Shape(name, kind, pose, height, corners, 0.0, reflectance, mass, floor_friction)
+
+
+def disc(
+    name: str,
+    kind: Kind,
+    radius: float,
+    pose: Pose,
+    height: float,
+    *,
+    reflectance: float = 1.0,
+    mass: float = math.inf,
+    floor_friction: float = FLOOR_FRICTION,
+) -> Shape:
+    """A cylinder."""
+    return Shape(name, kind, pose, height, (), radius, reflectance, mass, floor_friction)
+
+
+def turned(points: Points, pose: Pose) -> Points:
+    """Points of a shape's own frame on the floor, shape (n, 2)."""
+    x, y, theta = pose
+    cosine, sine = math.cos(theta), math.sin(theta)
+    moved: Points = points @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y)
+    return moved
+
+
+def gap(one: Shape, other: Shape) -> float:
+    """The shortest way between two shapes, mm; 0 when they touch or overlap."""
+    a, b = one.points(), other.points()
+    if _overlap(a, b):
+        return 0.0
+    between = min(_corner_to_edge(a, b), _corner_to_edge(b, a))
+    return max(0.0, between - one.radius - other.radius)
+
+
+def _overlap(a: Points, b: Points) -> bool:
+    """Whether no edge's normal separates two convex polygons (a single point counts as one)."""
+    for points in (a, b):
+        if len(points) == 1:
+            continue
+        edges = np.roll(points, -1, axis=0) - points
+        normals = np.column_stack([edges[:, 1], -edges[:, 0]])
+        on_a, on_b = a @ normals.T, b @ normals.T
+        apart = (on_a.max(0) < on_b.min(0)) | (on_b.max(0) < on_a.min(0))
+        if apart.any():
+            return False
+    return len(a) > 1 or len(b) > 1 or bool((a == b).all())
+
+
+def _corner_to_edge(corners: Points, polygon: Points) -> float:
+    """The shortest distance from any of ``corners`` to any edge of ``polygon``."""
+    start = polygon[None, :, :]
+    edge = np.roll(polygon, -1, axis=0)[None, :, :] - start
+    away = corners[:, None, :] - start
+    length = np.maximum((edge**2).sum(2), 1e-12)
+    along = np.clip((away * edge).sum(2) / length, 0, 1)
+    return float(np.sqrt(((away - along[..., None] * edge) ** 2).sum(2)).min())
