@@ -77,7 +77,7 @@ class Service:
             key: (
                 str(question),
                 tuple(v.name for v in question.searched),
-                tuple(v.values for v in question.searched),
+                tuple(tuple(v.values) for v in question.searched),
             )
             for key, question in controller.questions.items()
         }

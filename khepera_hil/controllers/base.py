@@ -81,7 +81,10 @@ class Reactive:
         self.needs = tuple(dict.fromkeys(sense.needs for sense in senses))
         self.questions: dict[str, Question] = {self.decides: main, **(beside or {})}
         self._senses = tuple(senses)
-        self._known = {key: question.known_names for key, question in self.questions.items()}
+        self._known = {
+            key: [(variable.keyword, variable.name) for variable in question.known]
+            for key, question in self.questions.items()
+        }
 
     def step(self, readings: Readings, rng: np.random.Generator) -> Decision:
         """Sense, ask, draw, act."""
@@ -92,7 +95,7 @@ class Reactive:
             evidence.update(percept.values)
             clipped.update(percept.clipped)
         answers = {
-            key: question(**{name: evidence[name] for name in self._known[key]})
+            key: question(**{keyword: evidence[name] for keyword, name in self._known[key]})
             for key, question in self.questions.items()
         }
         u = float(rng.random())
