@@ -17,6 +17,10 @@ FIFO_16550 = 14
 _QUIET_CHARACTERS = 4
 """Character times without a new one after which a 16550 calls its driver for what it holds."""
 
+_SAMPLE = 9 / 16
+"""Where in a bit it is read: on the tick after its middle, of the sixteen that a UART cuts a bit into. It never
+falls on an edge of a sender at another of the usual rates."""
+
 _STOP = 9
 """Bits before the stop bits: 1 start, 8 data."""
 
@@ -94,14 +98,14 @@ class Line:
     def _sample(self, now: float) -> None:
         bit = 1 / self.receiver
         while (edge := self._next_edge()) is not None and edge + BITS_PER_CHARACTER * bit <= now:
-            if self._level(edge + 0.5 * bit):  # a glitch: shorter than half of the receiver's start bit
-                self._deaf_until = edge + 0.5 * bit
+            if self._level(edge + _SAMPLE * bit):  # a glitch: shorter than half of the receiver's start bit
+                self._deaf_until = edge + _SAMPLE * bit
                 continue
-            byte = sum(self._level(edge + (1.5 + place) * bit) << place for place in range(8))
+            byte = sum(self._level(edge + (1 + _SAMPLE + place) * bit) << place for place in range(8))
             self._ready.append((edge + BITS_PER_CHARACTER * bit, byte))
             # A stop bit that reads low is a framing error: drivers hand the byte over all the same, and the
             # receiver waits for the next falling edge.
-            self._deaf_until = edge + (_STOP + 0.5) * bit
+            self._deaf_until = edge + (_STOP + _SAMPLE) * bit
 
     def _next_edge(self) -> float | None:
         """When the line next falls for a receiver that listens again; drops the waveform before."""

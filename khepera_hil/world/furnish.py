@@ -15,7 +15,7 @@ from khepera_hil.world.shapes import Pose, Shape, box, disc, gap
 __all__ = ["Layout", "furnish"]
 
 _WALL = 20.0  # mm, thickness of the arena's walls, outside the floor
-_LAYOUTS, _TRIES, _STARTS = 400, 60, 20_000
+_CHOICES, _LAYOUTS, _TRIES, _STARTS = 2000, 60, 250, 20_000
 
 
 @dataclass(frozen=True)
@@ -93,9 +93,12 @@ def _scattered(arena: Arena, plan: Scatter, given: list[Shape], chance: np.rando
     floor = arena.size[0] * arena.size[1]
     base = _base_area(arena)
     for _ in range(_LAYOUTS):
-        things = _choose(plan, chance)
-        if not plan.share[0] <= sum(thing.area for thing in things) / floor <= plan.share[1]:
-            continue
+        for _ in range(_CHOICES):
+            things = _choose(plan, chance)
+            if plan.share[0] <= sum(thing.area for thing in things) / floor <= plan.share[1]:
+                break
+        else:
+            raise WorldError(f"the arena {arena.name}: things of these sizes never cover the floor_share asked for")
         placed: list[Shape] = []
         for thing in sorted(things, key=lambda thing: -_reach(thing)):
             for _ in range(_TRIES):

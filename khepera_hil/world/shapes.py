@@ -21,6 +21,7 @@ Pose = tuple[float, float, float]
 FLOOR_FRICTION = 0.35
 """Wood on wood (proposed; plastic 0.25, a rubber foot 0.45)."""
 
+Point = tuple[float, float]
 Points = NDArray[np.float64]
 
 
@@ -122,32 +123,33 @@ def turned(points: Points, pose: Pose) -> Points:
 
 def gap(one: Shape, other: Shape) -> float:
     """The shortest way between two shapes, mm; 0 when they touch or overlap."""
-    a, b = one.points(), other.points()
-    if _overlap(a, b):
+    a: list[Point] = [(x, y) for x, y in one.points().tolist()]
+    b: list[Point] = [(x, y) for x, y in other.points().tolist()]
+    if not (_apart(a, b) or _apart(b, a)):
         return 0.0
     between = min(_corner_to_edge(a, b), _corner_to_edge(b, a))
     return max(0.0, between - one.radius - other.radius)
 
 
-def _overlap(a: Points, b: Points) -> bool:
-    """Whether no edge's normal separates two convex polygons (a single point counts as one)."""
-    for points in (a, b):
-        if len(points) == 1:
-            continue
-        edges = np.roll(points, -1, axis=0) - points
-        normals = np.column_stack([edges[:, 1], -edges[:, 0]])
-        on_a, on_b = a @ normals.T, b @ normals.T
-        apart = (on_a.max(0) < on_b.min(0)) | (on_b.max(0) < on_a.min(0))
-        if apart.any():
-            return False
-    return len(a) > 1 or len(b) > 1 or bool((a == b).all())
+def _apart(a: list[Point], b: list[Point]) -> bool:
+    """Whether all of ``b`` lies beyond one edge of the convex polygon ``a`` (or is another point)."""
+    if len(a) == 1:
+        return len(b) == 1 and a != b
+    for (x, y), (to_x, to_y) in zip(a, a[1:] + a[:1], strict=True):
+        normal_x, normal_y = to_y - y, x - to_x
+        if all((other_x - x) * normal_x + (other_y - y) * normal_y > 0 for other_x, other_y in b):
+            return True
+    return False
 
 
-def _corner_to_edge(corners: Points, polygon: Points) -> float:
+def _corner_to_edge(corners: list[Point], polygon: list[Point]) -> float:
     """The shortest distance from any of ``corners`` to any edge of ``polygon``."""
-    start = polygon[None, :, :]
-    edge = np.roll(polygon, -1, axis=0)[None, :, :] - start
-    away = corners[:, None, :] - start
-    length = np.maximum((edge**2).sum(2), 1e-12)
-    along = np.clip((away * edge).sum(2) / length, 0, 1)
-    return float(np.sqrt(((away - along[..., None] * edge) ** 2).sum(2)).min())
+    least = math.inf
+    for (x, y), (to_x, to_y) in zip(polygon, polygon[1:] + polygon[:1], strict=True):
+        edge_x, edge_y = to_x - x, to_y - y
+        square = max(edge_x * edge_x + edge_y * edge_y, 1e-12)
+        for corner_x, corner_y in corners:
+            away_x, away_y = corner_x - x, corner_y - y
+            along = min(max((away_x * edge_x + away_y * edge_y) / square, 0.0), 1.0)
+            least = min(least, math.hypot(away_x - along * edge_x, away_y - along * edge_y))
+    return least

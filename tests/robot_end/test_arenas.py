@@ -84,7 +84,7 @@ def test_a_file_that_is_not_there_is_named() -> None:
     [
         ("", r"title is missing; expected one line of text"),
         ("title = 3", r"title must be one line of text, not 3"),
-        ("title = 'x'\nsize = [1, 2]", r"size is not known here; expected one of title, size_mm"),
+        ("title = 'x'\nsize = [1, 2]", r"size is not known here; expected one of size_mm, title, wall_height_mm"),
         ("title = 'x'\nsize_mm = [1000]", r"size_mm must be a list of 2 numbers from 200 to 5000, not \[1000\]"),
         ("title = 'x'\n[base]\nside_mm = 180", r"base\.corner is missing; expected one of south-west"),
         ("title = 'x'\n[[lamp]]\nname = 'l'\nat_mm = [1, 2]", r"lamp\[0\]\.height_mm is missing"),
@@ -107,7 +107,7 @@ def test_a_mistake_in_a_file_names_file_key_and_what_was_expected(
 def test_an_arena_that_is_too_full_says_so(tmp_path: Path) -> None:
     path = tmp_path / "full.toml"
     path.write_text(
-        "title = 'x'\n[scatter]\ngap_mm = 300\nbase_gap_mm = 0\nfloor_share = [0, 1]\nheights_mm = [30]\n"
+        "title = 'x'\n[scatter]\ngap_mm = 450\nbase_gap_mm = 0\nfloor_share = [0, 1]\nheights_mm = [30]\n"
         "blocks = 20\nmasses_g = [50]\n"
     )
     with pytest.raises(WorldError, match="too full"):

@@ -127,7 +127,7 @@ def test_how_the_bytes_are_cut_and_how_often_one_looks_changes_nothing(cuts: lis
 
 
 @given(data=st.binary(max_size=300))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_whatever_comes_the_next_command_is_answered(data: bytes) -> None:
     emulator = robot()
     dialogue(emulator, data, wait=20.0)

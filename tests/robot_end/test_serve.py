@@ -83,14 +83,13 @@ def test_nothing_is_echoed_before_the_first_client_sets_its_terminal(tmp_path: P
 
 def test_a_client_that_never_reads_does_not_stop_the_robot(tmp_path: Path) -> None:
     link = tmp_path / "khepera"
-    with served(link, 115200) as score:
-        with serial.Serial(str(link), 115200, timeout=5, write_timeout=20) as port:
-            port.write(b"D,5,5\n")
-            # 20 kB of answers: more than the kernel keeps for a client that does not fetch them.
-            port.write(b"N\n" * 1200)
-            world_moves = time.monotonic() + 0.5
-            while time.monotonic() < world_moves:
-                time.sleep(0.05)
+    with served(link, 115200) as score, serial.Serial(str(link), 115200, timeout=5, write_timeout=20) as port:
+        port.write(b"D,5,5\n")
+        # 20 kB of answers: more than the kernel keeps for a client that does not fetch them.
+        port.write(b"N\n" * 1200)
+        world_moves = time.monotonic() + 0.5
+        while time.monotonic() < world_moves:
+            time.sleep(0.05)
     assert score.get(timeout=5)["distance_m"] > 0
 
 

@@ -97,7 +97,7 @@ def test_a_light_block_is_pushed_and_a_heavy_one_is_not(mass: float, moves: bool
     assert world.poses()["block"] == pytest.approx(rest, abs=1e-9)
 
 
-@pytest.mark.parametrize("speed", [4, 12, 40])
+@pytest.mark.parametrize("speed", [4, 40, 127])
 def test_nothing_sinks_deeper_than_half_a_millimetre_into_anything(speed: int) -> None:
     shapes = (
         block(60, 600),
@@ -131,7 +131,7 @@ def test_sparing_the_engine_where_nothing_is_near_changes_nothing() -> None:
     chance = np.random.default_rng(1)
     for seed in range(3):
         spared, stepped = World("furnished", seed), World("furnished", seed)
-        stepped._physics.coasts = False  # noqa: SLF001 # the switch exists for this comparison
+        stepped._physics.coasts = False  # the switch exists for this comparison
         for tick in range(300):
             for world in (spared, stepped):
                 world.advance(tick * 0.1)
