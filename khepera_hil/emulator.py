@@ -85,6 +85,8 @@ class Emulator:
             "N": lambda: tuple(self.world.proximity()),
             "O": lambda: tuple(self.world.light()),
         }
+        self._now = -1.0
+        """Until when everything has happened; earlier than any time when there is something new."""
         self._to_host.send(BOOT_TEXT, 0.0)
 
     @property
@@ -94,7 +96,9 @@ class Emulator:
 
     @host_baud.setter
     def host_baud(self, baud: int) -> None:
-        self._to_robot.sender = self._to_host.receiver = baud
+        if baud != self.host_baud:
+            self._to_robot.sender = self._to_host.receiver = baud
+            self._now = -1.0
 
     @property
     def leds(self) -> tuple[int, int]:
@@ -104,6 +108,7 @@ class Emulator:
     def receive(self, data: bytes, now: float) -> None:
         """The host puts ``data`` on the wire, behind what it has not sent yet."""
         self._to_robot.send(data, now)
+        self._now = -1.0
 
     def unsent(self, now: float) -> int:
         """How many characters the host has handed over whose last bit has not left."""
@@ -116,6 +121,9 @@ class Emulator:
 
     def advance(self, now: float) -> None:
         """Let everything happen that happens until ``now``, in its order."""
+        if now == self._now:
+            return
+        self._now = now
         for moment, byte in self._to_robot.arrived(now):
             for line in self._lines.feed(bytes((byte,))):
                 if line and len(self._waiting) < _WAITING_REQUESTS:

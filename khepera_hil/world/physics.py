@@ -72,6 +72,7 @@ class Physics:
         self._turn = 0.0
         self._room = 0.0
         self._free = False
+        self._places: list[Pose] = []
         self._steps_to_look = _STEPS_TO_LOOK
 
     def _add_body(self, shape: Shape) -> pymunk.Body:
@@ -151,6 +152,7 @@ class Physics:
             near = self._space.point_query_nearest(self._pose[:2], _FAR, self._others)
             room = (_FAR if near is None else near.distance) - BODY_RADIUS - _MARGIN
             if room > 0:
+                self.movables()  # as they are now they stay
                 self._room, self._free = room, True
                 return
         if was_free:
@@ -159,7 +161,9 @@ class Physics:
 
     def movables(self) -> list[Pose]:
         """Where the movable shapes are, in the order in which they came."""
-        return [(*body.position, body.angle) for body in self._bodies]
+        if not self._free:
+            self._places = [(*body.position, body.angle) for body in self._bodies]
+        return self._places
 
     def _touch(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: object) -> None:
         self.touching += 1
