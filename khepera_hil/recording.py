@@ -201,7 +201,6 @@ class Recording:
         versions and host are added. Raises RecordingError when the folder cannot be made.
         """
         whole: dict[str, Any] = {
-            "format": FORMAT,
             "program": program,
             "seed": seed,
             "started": started.isoformat(timespec="seconds"),
@@ -215,6 +214,7 @@ class Recording:
         try:
             Path(runs_dir).mkdir(parents=True, exist_ok=True)
             folder = _new_folder(Path(runs_dir), name)
+            whole = {"format": FORMAT, "run": folder.name, **whole}
             _replace(folder / MANIFEST, whole)
             log = os.open(folder / LOG, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o644)
         except OSError as error:
@@ -290,7 +290,9 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
     if not isinstance(manifest, dict) or not isinstance(manifest.get("format"), int):
         raise RecordingError(f"{path} is not the manifest of a run")
     if manifest["format"] > FORMAT:
-        raise RecordingError(f"{path} has format {manifest['format']}, newer than {FORMAT}: use a newer khepera-hil")
+        raise RecordingError(
+            f"{path} has format {manifest['format']}, newer than {FORMAT}: use a newer khepera-hil"
+        )
     return manifest
 
 

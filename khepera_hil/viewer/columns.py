@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
-import pyarrow as pa
+import pyarrow as pa  # type: ignore[import-untyped] # it ships no types
 import rerun as rr
 from numpy.typing import NDArray
 
-__all__ = ["Lane", "Stamp", "bars", "static_bars", "tensors"]
+__all__ = ["Columns", "Lane", "Stamp", "bars", "static_bars", "tensors", "vectors"]
 
 Stamp: TypeAlias = tuple[int, float, float]
 """A tick's number, robot time (s since the start), wall clock (s since 1970)."""
@@ -114,14 +114,17 @@ def bars(rows: Sequence[NDArray[np.floating[Any]] | None]) -> Columns:
     return _column(rr.BarChart.descriptor_values(), rows)
 
 
+def vectors(width: int) -> Callable[[list[NDArray[np.float64]]], Columns]:
+    """For a lane whose rows are ``width`` numbers each."""
+    return lambda rows: rr.Scalars.columns(scalars=np.concatenate(rows)).partition([width] * len(rows))
+
+
 def tensors(rows: Sequence[NDArray[np.floating[Any]] | None]) -> Columns:
     """One array of any shape a row, or None for a tick without."""
     return _column(rr.Tensor.descriptor_data(), rows)
 
 
-def static_bars(
-    stream: rr.RecordingStream, path: str, at: NDArray[np.float64], width: float, colour: int
-) -> None:
+def static_bars(stream: rr.RecordingStream, path: str, at: NDArray[np.float64], width: float, colour: int) -> None:
     """What never changes of a bar chart: where its bars stand (their centres), how wide they are, their colour."""
     left = np.asarray(at - width / 2, np.float32)  # the viewer's bar begins at its abscissa
     stream.log(

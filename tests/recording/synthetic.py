@@ -21,17 +21,28 @@ QUESTIONS = [
     ("Vrot phototaxy", "P(Vrot | Theta1), phototaxy", "Vrot", VROT, False),
 ]
 
-SHAPES: list[dict[str, Any]] = [
-    {"name": "base", "role": "base", "kind": "polygon", "pose": [0.91, 0.91, 0.0], "points": [[-0.09, -0.09], [0.09, -0.09], [0.09, 0.09], [-0.09, 0.09]]},
-    {"name": "base wall 1", "role": "wall", "kind": "polygon", "pose": [0.82, 0.9525, np.pi / 2], "points": [[-0.0475, -0.004], [0.0475, -0.004], [0.0475, 0.004], [-0.0475, 0.004]]},
-    {"name": "base wall 2", "role": "wall", "kind": "polygon", "pose": [0.9525, 0.82, 0.0], "points": [[-0.0475, -0.004], [0.0475, -0.004], [0.0475, 0.004], [-0.0475, 0.004]]},
-    {"name": "lamp", "role": "lamp", "kind": "disc", "pose": [0.96, 0.96, 0.0], "radius": 0.012},
-    {"name": "wall 1", "role": "wall", "kind": "polygon", "pose": [0.3, 0.25, 0.7], "points": [[-0.1, -0.005], [0.1, -0.005], [0.1, 0.005], [-0.1, 0.005]]},
-    {"name": "wall 2", "role": "wall", "kind": "polygon", "pose": [0.75, 0.35, 2.2], "points": [[-0.1, -0.005], [0.1, -0.005], [0.1, 0.005], [-0.1, 0.005]]},
-    {"name": "pillar", "role": "fixed", "kind": "disc", "pose": [0.12, 0.6, 0.0], "radius": 0.04},
-    {"name": "box", "role": "movable", "kind": "polygon", "pose": [0.5, 0.86, 0.4], "points": [[-0.04, -0.025], [0.04, -0.025], [0.04, 0.025], [-0.04, 0.025]]},
-    {"name": "can", "role": "movable", "kind": "disc", "pose": [0.2, 0.8, 0.0], "radius": 0.03},
-]  # fmt: skip
+
+def _block(name: str, role: str, pose: tuple[float, float, float], width: float, depth: float) -> dict[str, Any]:
+    x, y = width / 2, depth / 2
+    corners = [[-x, -y], [x, -y], [x, y], [-x, y]]
+    return {"name": name, "role": role, "kind": "polygon", "pose": list(pose), "points": corners}
+
+
+def _disc(name: str, role: str, pose: tuple[float, float, float], radius: float) -> dict[str, Any]:
+    return {"name": name, "role": role, "kind": "disc", "pose": list(pose), "radius": radius}
+
+
+SHAPES = [
+    _block("base", "base", (0.91, 0.91, 0.0), 0.18, 0.18),
+    _block("base wall 1", "wall", (0.82, 0.9525, 1.5708), 0.095, 0.008),
+    _block("base wall 2", "wall", (0.9525, 0.82, 0.0), 0.095, 0.008),
+    _disc("lamp", "lamp", (0.96, 0.96, 0.0), 0.012),
+    _block("wall 1", "wall", (0.3, 0.14, 0.3), 0.2, 0.01),
+    _block("wall 2", "wall", (0.87, 0.3, 2.0), 0.2, 0.01),
+    _disc("pillar", "fixed", (0.12, 0.6, 0.0), 0.04),
+    _block("box", "movable", (0.5, 0.86, 0.4), 0.08, 0.05),
+    _disc("can", "movable", (0.2, 0.8, 0.0), 0.03),
+]
 
 
 def manifest(world: bool = True) -> dict[str, Any]:
@@ -44,7 +55,7 @@ def manifest(world: bool = True) -> dict[str, Any]:
             {"key": key, "name": name, "variables": [variable], "values": [list(values)], "main": main}
             for key, name, variable, values, main in QUESTIONS
         ],
-        "evidence": ["Dir", "Prox", "Theta1"],
+        "evidence": {"Dir": list(range(-10, 11)), "Prox": list(range(16)), "Theta1": list(range(-170, 181, 10))},
         "world": {"name": "furnished", "size": [1.0, 1.0], "shapes": SHAPES} if world else None,
     }
 
