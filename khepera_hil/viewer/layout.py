@@ -233,7 +233,7 @@ def about(manifest: Mapping[str, Any]) -> str:
         "- Bars: probability of each value at the cursor; red is the value that was drawn.",
         "- Waterfall: the same distribution over the last seconds, now at the right; brighter is more probable; "
         "red dots are the draws.",
-        "- Arena: metres, x right, y up. Red rays grow with proximity, yellow ones with light; the red stroke "
+        "- Arena: metres, x right, y up. Red rays grow with proximity, yellow ones with light; the white stroke "
         "points ahead; dots are the trail.",
         "- Sensors clockwise from the left: 1 left, 2 left 45, 3 and 4 front, 5 right 45, 6 right, 7 and 8 back; "
         "blue is left, yellow and orange right, violet behind.",

@@ -98,6 +98,7 @@ class Scene:
             )
             return
         points = np.asarray(shape["points"], np.float64)
+        below = 3.0 if role == "base" else 5.0
         _log(
             stream,
             f"{path}/shape",
@@ -107,7 +108,7 @@ class Scene:
                 colors=colours.packed(colour),
                 labels=label,
                 show_labels=shown,
-                draw_order=10.0,
+                draw_order=below + 1,
             ),
         )
         strips, half = hatching(points)
@@ -115,7 +116,7 @@ class Scene:
         _log(
             stream,
             f"{path}/filling",
-            rr.LineStrips2D(strips, radii=half, colors=colours.packed(fill), draw_order=5.0),
+            rr.LineStrips2D(strips, radii=1.15 * half, colors=colours.packed(fill), draw_order=below),
         )
 
     def write(self, tick: Tick, stamp: Stamp) -> None:
@@ -143,7 +144,7 @@ def _robot(stream: rr.RecordingStream) -> None:
         rr.LineStrips2D(
             [rim, *wheels, [[0.008, 0], [RADIUS, 0]]],
             radii=[0.0014, 0.0024, 0.0024, 0.0022],
-            colors=colours.packed(colours.ROBOT, colours.LEFT, colours.RIGHT, colours.DRAWN),
+            colors=colours.packed(colours.ROBOT, colours.LEFT, colours.RIGHT, colours.ROBOT),
             draw_order=50.0,
         ),
     )

@@ -238,9 +238,9 @@ def test_what_is_no_json_is_refused_by_the_columns_name(
 
 
 def test_numpys_numbers_are_numbers(tmp_path: Path) -> None:
-    tick = Tick(
-        tick=0, t=np.float64(0.1), evidence={"Dir": np.int64(-3)}, draws={"Vrot": np.int32(4)}, u={"Vrot": 0.1 + 0.2}
-    )
+    evidence: dict[str, Any] = {"Dir": np.int64(-3)}
+    draws: dict[str, Any] = {"Vrot": np.int32(4)}
+    tick = Tick(0, np.float64(0.1), evidence=evidence, draws=draws, u={"Vrot": 0.1 + 0.2})
     row = json.loads(tick.line())
     assert (row["evidence"], row["draws"], row["u"]) == ({"Dir": -3}, {"Vrot": 4}, {"Vrot": 0.1 + 0.2})
 
