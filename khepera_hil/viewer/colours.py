@@ -16,13 +16,14 @@ __all__ = [
     "PALETTE",
     "RIGHT",
     "ROBOT",
-    "ROLE",
     "SENSORS",
+    "WALL",
     "WORK",
     "faded",
     "mixed",
     "packed",
     "ramp",
+    "shape",
 ]
 
 MAIN = 0x4FC3A1FF
@@ -52,18 +53,17 @@ SENSORS = (
 )
 """Clockwise from the left, as the robot answers: cold on the left, warm on the right, violet behind."""
 
-ROLE = {
-    "wall": 0x8C95A3FF,
-    "fixed": 0x8C95A3FF,
-    "movable": 0xC08A5AFF,
-    "base": 0x3E7D5EFF,
-    "lamp": LAMP,
-}
-"""What stands in the arena, by its role."""
-
+WALL = 0x8C95A3FF
+BASE = 0x3E9D6EFF
+MOVABLE = 0xC98F5AFF
 
 GROUND = 0x0D1011FF
 _GROUND = tuple((shift, GROUND >> shift & 255) for shift in (24, 16, 8))
+
+
+def shape(kind: str, movable: bool) -> int:
+    """Of a thing in the arena."""
+    return {"lamp": LAMP, "base": BASE}.get(kind, MOVABLE if movable else WALL)
 
 
 def faded(colour: int, alpha: float) -> int:

@@ -1,5 +1,9 @@
 """The arena and the robot in it, in metres, x right and y up.
 
+The manifest's ``world`` is ``{"name", "size": [width, depth], "shapes": [...]}``, or null where nobody can see
+the robot. A shape has ``name``, ``kind``, ``pose`` (x, y, theta), ``height``, ``movable``, and ``polygon`` (its
+corners in its own frame) or ``radius``.
+
 The viewer's plane has y down, so everything hangs below one mirror, ``/world``; data stay in true coordinates.
 """
 
@@ -29,6 +33,9 @@ _ROOT = 0.028 * np.column_stack([np.cos(_PLACE), np.sin(_PLACE)])
 _WAY = np.column_stack([np.cos(_AIM), np.sin(_AIM)])
 # Where the eight sensors sit and look, counter-clockwise from ahead: the KiKS simulator's geometry, which
 # tables measured on real robots bear out.
+
+LOW = 0.05
+"""Height (m) below which a thing is drawn darker."""
 
 RAY = 0.06
 """Length of a full reading's ray (m)."""
@@ -74,50 +81,41 @@ class Scene:
                 self._shape(stream, shape)
 
     def _shape(self, stream: rr.RecordingStream, shape: Mapping[str, Any]) -> None:
-        name, role = str(shape["name"]), str(shape["role"])
-        path = "/world/" + "/".join(rr.escape_entity_path_part(part) for part in (role, name))
-        x, y, theta = shape.get("pose", (0.0, 0.0, 0.0))
-        pose = rr.Transform3D(translation=[x, y, 0], rotation=rr.RotationAxisAngle([0, 0, 1], radians=theta))
-        if role == "movable":
-            self._movable[name] = Lane(path, _poses)
-            self.lanes[f"movable {name}"] = self._movable[name]
+        name, kind = str(shape["name"]), str(shape["kind"])
+        if kind == "robot":
+            return
+        path = "/world/" + "/".join(rr.escape_entity_path_part(part) for part in (kind, name))
+        x, y, theta = shape["pose"]
+        if shape.get("movable"):
+            self.lanes[f"movable {name}"] = self._movable[name] = Lane(path, _poses)
             # Not static, which would hide every later pose: it goes out with the first tick.
             self._first[name] = (x, y, theta)
         else:
-            _log(stream, path, pose)
-        colour = colours.ROLE.get(role, colours.INK)
-        label = [role] if role in ("lamp", "base") else [name]
-        shown = role in ("lamp", "base")
-        if shape["kind"] == "disc":
-            _log(
-                stream,
-                f"{path}/shape",
-                rr.Points2D(
-                    [[0, 0]], radii=shape["radius"], colors=colours.packed(colour), labels=label, show_labels=shown
-                ),
-            )
+            turn = rr.RotationAxisAngle([0, 0, 1], radians=theta)
+            _log(stream, path, rr.Transform3D(translation=[x, y, 0], rotation=turn))
+        height = float(shape.get("height", 0.0))
+        mark = kind in ("lamp", "base")
+        look: dict[str, Any] = {
+            "labels": [kind if mark else f"{name}, {1000 * height:.0f} mm high"],
+            "show_labels": mark,
+            "draw_order": {"base": 3.0, "lamp": 8.0}.get(kind, 6.0),
+        }
+        colour = colours.shape(kind, bool(shape.get("movable")))
+        # What the lamp is seen over is darker than what hides it.
+        fill = colours.mixed(colour, 1.0 if kind == "lamp" else 0.22 if height < LOW else 0.6)
+        if "radius" in shape:
+            disc = rr.Points2D([[0, 0]], radii=shape["radius"], colors=colours.packed(fill), **look)
+            _log(stream, f"{path}/shape", disc)
             return
-        points = np.asarray(shape["points"], np.float64)
-        below = 3.0 if role == "base" else 5.0
-        _log(
-            stream,
-            f"{path}/shape",
-            rr.LineStrips2D(
-                [np.vstack([points, points[:1]])],
-                radii=0.0015,
-                colors=colours.packed(colour),
-                labels=label,
-                show_labels=shown,
-                draw_order=below + 1,
-            ),
-        )
+        points = np.asarray(shape["polygon"], np.float64)
+        outline = np.vstack([points, points[:1]])
+        edge = rr.LineStrips2D([outline], radii=0.0015, colors=colours.packed(colour), **look)
+        _log(stream, f"{path}/shape", edge)
         strips, half = hatching(points)
-        fill = colours.mixed(colour, 0.22 if role == "base" else 0.5)
-        _log(
-            stream,
-            f"{path}/filling",
-            rr.LineStrips2D(strips, radii=1.15 * half, colors=colours.packed(fill), draw_order=below),
+        inside = rr.LineStrips2D(
+            strips, radii=1.15 * half, colors=colours.packed(fill), draw_order=look["draw_order"] - 1
         )
+        _log(stream, f"{path}/filling", inside)
 
     def write(self, tick: Tick, stamp: Stamp) -> None:
         """Keep one tick's rows."""
@@ -166,7 +164,7 @@ def _robot(stream: rr.RecordingStream) -> None:
 def _floor(stream: rr.RecordingStream, size: tuple[float, float]) -> None:
     width, height = size
     edge = np.array([[0, 0], [width, 0], [width, height], [0, height], [0, 0]])
-    _log(stream, "/world/floor", rr.LineStrips2D([edge], radii=0.003, colors=colours.packed(colours.ROLE["wall"])))
+    _log(stream, "/world/floor", rr.LineStrips2D([edge], radii=0.003, colors=colours.packed(colours.WALL)))
 
 
 def hatching(points: NDArray[np.float64], lines: int = 24) -> tuple[NDArray[np.float32], float]:

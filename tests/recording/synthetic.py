@@ -22,26 +22,27 @@ QUESTIONS = [
 ]
 
 
-def _block(name: str, role: str, pose: tuple[float, float, float], width: float, depth: float) -> dict[str, Any]:
+def _thing(name: str, kind: str, pose: tuple[float, float, float], height: float, **outline: Any) -> dict[str, Any]:
+    movable = kind in ("block", "disc", "robot")
+    return {"name": name, "kind": kind, "pose": list(pose), "height": height, "movable": movable, **outline}
+
+
+def _box(width: float, depth: float) -> list[list[float]]:
     x, y = width / 2, depth / 2
-    corners = [[-x, -y], [x, -y], [x, y], [-x, y]]
-    return {"name": name, "role": role, "kind": "polygon", "pose": list(pose), "points": corners}
-
-
-def _disc(name: str, role: str, pose: tuple[float, float, float], radius: float) -> dict[str, Any]:
-    return {"name": name, "role": role, "kind": "disc", "pose": list(pose), "radius": radius}
+    return [[-x, -y], [x, -y], [x, y], [-x, y]]
 
 
 SHAPES = [
-    _block("base", "base", (0.91, 0.91, 0.0), 0.18, 0.18),
-    _block("base wall 1", "wall", (0.82, 0.9525, 1.5708), 0.095, 0.008),
-    _block("base wall 2", "wall", (0.9525, 0.82, 0.0), 0.095, 0.008),
-    _disc("lamp", "lamp", (0.96, 0.96, 0.0), 0.012),
-    _block("wall 1", "wall", (0.3, 0.14, 0.3), 0.2, 0.01),
-    _block("wall 2", "wall", (0.87, 0.3, 2.0), 0.2, 0.01),
-    _disc("pillar", "fixed", (0.12, 0.6, 0.0), 0.04),
-    _block("box", "movable", (0.5, 0.86, 0.4), 0.08, 0.05),
-    _disc("can", "movable", (0.2, 0.8, 0.0), 0.03),
+    _thing("base", "base", (0.91, 0.91, 0.0), 0.0, polygon=_box(0.18, 0.18)),
+    _thing("base wall 1", "wall", (0.82, 0.9525, 1.5708), 0.06, polygon=_box(0.095, 0.008)),
+    _thing("base wall 2", "wall", (0.9525, 0.82, 0.0), 0.06, polygon=_box(0.095, 0.008)),
+    _thing("lamp", "lamp", (0.96, 0.96, 0.0), 0.075, radius=0.012),
+    _thing("fixed 1", "fixed", (0.3, 0.14, 0.3), 0.08, polygon=_box(0.2, 0.01)),
+    _thing("fixed 2", "fixed", (0.87, 0.3, 2.0), 0.08, polygon=_box(0.2, 0.01)),
+    _thing("box", "block", (0.5, 0.86, 0.4), 0.08, polygon=_box(0.08, 0.05)),
+    _thing("low box", "block", (0.12, 0.55, 1.0), 0.03, polygon=_box(0.07, 0.07)),
+    _thing("can", "disc", (0.2, 0.8, 0.0), 0.03, radius=0.03),
+    _thing("robot", "robot", (0.5, 0.23, 0.0), 0.029, radius=0.0285),
 ]
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from khepera_hil.errors import RecordingError
@@ -64,6 +64,7 @@ def create(runs: Path, **more: Any) -> Recording:
     )
 
 
+@settings(deadline=None)
 @given(any_tick)
 def test_a_tick_comes_back_from_its_line_as_it_was(tick: Tick) -> None:
     back = Tick.from_row(json.loads(tick.line()))
