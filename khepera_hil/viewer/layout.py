@@ -39,8 +39,8 @@ def layout(manifest: Mapping[str, Any]) -> rrb.Blueprint:
         rrb.Horizontal(*columns, column_shares=shares),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        # Paused: a file that begins to play when it is opened is never where one looks.
-        rrb.TimePanel(timeline="run_time", play_state="paused", state="collapsed"),
+        # Following: a finished file opens at its last tick with its history, and a live one stays at now.
+        rrb.TimePanel(timeline="run_time", play_state="following", state="collapsed"),
         auto_views=False,
         auto_layout=False,
     )

@@ -102,7 +102,7 @@ class Scene:
         }
         colour = colours.shape(kind, bool(shape.get("movable")))
         # What the lamp is seen over is darker than what hides it.
-        fill = colours.mixed(colour, 1.0 if kind == "lamp" else 0.22 if height < LOW else 0.6)
+        fill = colours.mixed(colour, 1.0 if kind == "lamp" else 0.3 if height < LOW else 0.6)
         if "radius" in shape:
             disc = rr.Points2D([[0, 0]], radii=shape["radius"], colors=colours.packed(fill), **look)
             _log(stream, f"{path}/shape", disc)
