@@ -135,7 +135,7 @@ class Tick:
             "wall": _short(self.wall, 6),
         }
         try:
-            return _dump(row).encode() + b"\n"
+            return _LINE.encode(row).encode() + b"\n"
         except (TypeError, ValueError) as error:
             culprit = next((name for name, value in row.items() if not _is_json(value)), "?")
             raise RecordingError(
@@ -201,7 +201,6 @@ class Recording:
         versions and host are added. Raises RecordingError when the folder cannot be made.
         """
         whole: dict[str, Any] = {
-            "format": FORMAT,
             "program": program,
             "seed": seed,
             "started": started.isoformat(timespec="seconds"),
@@ -215,6 +214,7 @@ class Recording:
         try:
             Path(runs_dir).mkdir(parents=True, exist_ok=True)
             folder = _new_folder(Path(runs_dir), name)
+            whole = {"format": FORMAT, "run": folder.name, **whole}
             _replace(folder / MANIFEST, whole)
             log = os.open(folder / LOG, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o644)
         except OSError as error:
@@ -334,7 +334,7 @@ def _replace(path: Path, content: Mapping[str, Any]) -> None:
     handle, beside = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(_dump(content, indent=1).encode() + b"\n")
+            file.write(_PAGE.encode(content).encode() + b"\n")
             file.flush()
             os.fsync(file.fileno())
         os.chmod(beside, 0o644)  # mkstemp makes it private
@@ -353,13 +353,6 @@ def _versions() -> dict[str, str]:
     return found
 
 
-def _dump(content: object, indent: int | None = None) -> str:
-    separators = (",", ":") if indent is None else (",", ": ")
-    return json.dumps(
-        content, allow_nan=False, ensure_ascii=False, separators=separators, indent=indent, default=_plain
-    )
-
-
 def _plain(value: object) -> object:
     """Perception and draws may hand over numpy's scalars."""
     if isinstance(value, np.generic):
@@ -367,9 +360,14 @@ def _plain(value: object) -> object:
     raise TypeError(f"{type(value).__name__} is not a number, text, list or mapping")
 
 
+# Made once, not for every tick.
+_LINE = json.JSONEncoder(allow_nan=False, ensure_ascii=False, separators=(",", ":"), default=_plain)
+_PAGE = json.JSONEncoder(allow_nan=False, ensure_ascii=False, indent=1, default=_plain)
+
+
 def _is_json(value: object) -> bool:
     try:
-        _dump(value)
+        _LINE.encode(value)
     except (TypeError, ValueError):
         return False
     return True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,14 @@ from numpy.typing import NDArray
 
 from khepera_hil.recording import Tick
 from khepera_hil.viewer import colours
-from khepera_hil.viewer.columns import Columns, Lane, Stamp, bars, static_bars, tensors
+from khepera_hil.viewer.columns import Columns, Lane, Stamp, bars, static_bars, tensors, vectors
 
-__all__ = ["HISTORY", "METRE_PER_SECOND", "Beliefs", "Panel", "panels"]
+__all__ = ["HISTORY", "PACE", "Beliefs", "Panel", "panels"]
 
 HISTORY = 30.0
 """Seconds of the waterfall that are shown."""
 
-METRE_PER_SECOND = 1.6
+PACE = 1.6
 """The waterfall's pace: one value is one unit high, one second so many units wide (30 s fit a wide panel)."""
 
 FEW = 4
@@ -43,34 +44,34 @@ class Panel:
     """The question asks for this variable only."""
     colour: int
 
-    @property
+    @cached_property
     def path(self) -> str:
         """Where it hangs: ``/distributions/<key>``, and the variable when there are several."""
         parts = [self.key] if self.alone else [self.key, self.variable]
         return "/".join(rr.escape_entity_path_part(part) for part in parts)
 
-    @property
+    @cached_property
     def words(self) -> bool:
         """Whether the values are words, which have no mean."""
         return any(isinstance(value, str) for value in self.values)
 
-    @property
+    @cached_property
     def few(self) -> bool:
         """Whether each value has its own bar, with its own colour and name."""
         return self.words and len(self.values) <= FEW
 
-    @property
+    @cached_property
     def at(self) -> NDArray[np.float64]:
         """Where the values stand on the axis: themselves, or for words their place in the list."""
         return np.arange(len(self.values), dtype=np.float64) if self.words else np.array(self.values, np.float64)
 
-    @property
+    @cached_property
     def step(self) -> float:
         """Distance of neighbours on the axis."""
         at = self.at
         return float(np.min(np.abs(np.diff(at)))) if len(at) > 1 else 1.0
 
-    @property
+    @cached_property
     def ceiling(self) -> float:
         """A probability that the axis always shows, so that a flat distribution looks flat."""
         return 1.0 if len(self.values) <= FEW else min(1.0, 8 / len(self.values))
@@ -112,7 +113,7 @@ class Beliefs:
         self.lanes: dict[str, Lane] = {}
         self._panels = panels(manifest)
         self._ramps: dict[str, NDArray[np.uint32]] = {}
-        self._last_t: dict[str, float] = {}
+        self._period = float(manifest.get("period_s", 0.1))
         for panel in self._panels:
             self._prepare(stream, panel)
 
@@ -127,15 +128,16 @@ class Beliefs:
             over_time = f"/summary/{path}/p"
             look = rr.SeriesLines(
                 names=[str(value) for value in panel.values],
-                colors=np.array(colours.PALETTE[:n], np.uint32),
+                colors=colours.packed(*colours.PALETTE[:n]),
                 widths=[2.0] * n,
             )
             stream.log(over_time, look, static=True, strict=True)
-            self.lanes[over_time] = Lane(over_time, _vectors(n))
+            self.lanes[over_time] = Lane(over_time, vectors(n))
         else:
             static_bars(stream, f"{chart}/p", panel.at, 0.86 * panel.step, panel.colour)
-            static_bars(stream, f"{chart}/drawn", panel.at, 0.86 * panel.step, colours.DRAWN)
             self.lanes[f"{chart}/p"] = Lane(f"{chart}/p", bars)
+        if panel.main:
+            static_bars(stream, f"{chart}/drawn", panel.at, 0.16 * panel.step, colours.DRAWN)
             self.lanes[f"{chart}/drawn"] = Lane(f"{chart}/drawn", bars)
         static_bars(stream, f"{chart}/axis", panel.at[:1], panel.step, 0x00000001)
         stream.log(
@@ -153,14 +155,14 @@ class Beliefs:
     def _prepare_history(self, stream: rr.RecordingStream, panel: Panel) -> None:
         path = panel.path
         drawn = f"/summary/{path}/drawn"
-        look = rr.SeriesPoints(names=["drawn"], colors=_one(colours.DRAWN), marker_sizes=[2.5])
+        look = rr.SeriesPoints(names=["drawn"], colors=colours.packed(colours.DRAWN), marker_sizes=[2.5])
         stream.log(drawn, look, static=True, strict=True)
-        self.lanes[drawn] = Lane(drawn, _vectors(1))
+        self.lanes[drawn] = Lane(drawn, vectors(1))
         if not panel.words:
             mean = f"/summary/{path}/mean"
             stream.log(
                 mean,
-                rr.Measurements.from_fields(names=["mean ± σ"], colors=_one(panel.colour)),
+                rr.Measurements.from_fields(names=["mean ± σ"], colors=colours.packed(panel.colour)),
                 static=True,
                 strict=True,
             )
@@ -169,15 +171,16 @@ class Beliefs:
         if n <= MANY:
             water = f"/waterfall/{path}"
             self._ramps[path] = colours.ramp(panel.colour)
+            thick = 0.54 * PACE * self._period  # a little more than half: no seams
             stream.log(
                 f"{water}/past/p",
-                rr.LineStrips2D.from_fields(radii=[0.5], draw_order=1.0),
+                rr.LineStrips2D.from_fields(radii=[thick], draw_order=1.0),
                 static=True,
                 strict=True,
             )
             stream.log(
                 f"{water}/past/drawn",
-                rr.Points2D.from_fields(radii=[0.3], colors=_one(colours.DRAWN), draw_order=2.0),
+                rr.Points2D.from_fields(radii=[0.2], colors=colours.packed(colours.DRAWN), draw_order=2.0),
                 static=True,
                 strict=True,
             )
@@ -187,7 +190,7 @@ class Beliefs:
                 rr.Points2D(
                     [[1.6, n - 1 - i] for i in marks],
                     radii=0.01,
-                    colors=np.array([colours.INK] * len(marks), np.uint32),
+                    colors=colours.packed(*[colours.INK] * len(marks)),
                     labels=[str(panel.values[i]) for i in marks],
                     show_labels=True,
                 ),
@@ -225,18 +228,19 @@ class Beliefs:
                 lane.add(stamp, None if p is None else p[i : i + 1])
             if p is not None:
                 self.lanes[f"/summary/{panel.path}/p"].add(stamp, p)
-            return
-        self.lanes[f"{chart}/p"].add(stamp, p)
-        mark = None
-        if p is not None and at is not None:
-            mark = np.zeros(len(p))
-            mark[at] = p[at]
-        self.lanes[f"{chart}/drawn"].add(stamp, mark)
+        else:
+            self.lanes[f"{chart}/p"].add(stamp, p)
+        if panel.main:
+            needle = None
+            if at is not None:
+                needle = np.zeros(len(panel.values))
+                needle[at] = panel.ceiling
+            self.lanes[f"{chart}/drawn"].add(stamp, needle)
 
     def _history(self, panel: Panel, stamp: Stamp, p: NDArray[np.float64] | None, at: int | None) -> None:
         path, where = panel.path, panel.at
         water = f"/waterfall/{path}/past"
-        x = METRE_PER_SECOND * stamp[1]
+        x = PACE * stamp[1]
         if at is not None:
             self.lanes[f"/summary/{path}/drawn"].add(stamp, where[at : at + 1])
         if p is not None and not panel.words:
@@ -247,20 +251,9 @@ class Beliefs:
         self.lanes[water].add(stamp, x)
         if p is not None:
             level = np.clip(p / panel.ceiling * 255, 0, 255).astype(np.intp)
-            since = METRE_PER_SECOND * self._since(path, stamp[1])
-            self.lanes[f"{water}/p"].add(stamp, (x - since, x, self._ramps[path][level]))
+            self.lanes[f"{water}/p"].add(stamp, (x, self._ramps[path][level]))
         if at is not None:
             self.lanes[f"{water}/drawn"].add(stamp, (x, len(panel.values) - 1 - at))
-
-    def _since(self, path: str, t: float) -> float:
-        """How far back a tick's stroke reaches: to the tick before, but not over a gap."""
-        before = self._last_t.get(path, t - 0.1)
-        self._last_t[path] = t
-        return min(max(t - before, 0.0), 0.3)
-
-
-def _vectors(n: int) -> Any:
-    return lambda rows: rr.Scalars.columns(scalars=np.concatenate(rows)).partition([n] * len(rows))
 
 
 def _measurements(rows: list[tuple[float, float]]) -> Columns:
@@ -274,18 +267,13 @@ def _shifts(rows: list[float]) -> Columns:
     return rr.Transform3D.columns(translation=np.column_stack([-np.array(rows), zero, zero]))
 
 
-def _strokes(rows: list[tuple[float, float, NDArray[np.uint32]]]) -> Columns:
-    """One stroke a value, from the tick before to this one, the first value lowest."""
-    n = len(rows[0][2])
+def _strokes(rows: list[tuple[float, NDArray[np.uint32]]]) -> Columns:
+    """One upright stroke a value, the last value on top, in its probability's colour."""
+    n = len(rows[0][1])
     strips = np.empty((len(rows), n, 2, 2), np.float32)
-    strips[..., 1] = np.arange(n - 1, -1, -1)[:, None]
-    for i, (start, end, _) in enumerate(rows):
-        strips[i, :, 0, 0], strips[i, :, 1, 0] = start, end
+    strips[..., 0] = np.array([x for x, _ in rows])[:, None, None]
+    strips[..., 1] = np.arange(n - 1, -1, -1)[:, None] + np.array([-0.5, 0.5])
     columns = rr.LineStrips2D.columns(
-        strips=strips.reshape(-1, 2, 2), colors=np.concatenate([colour for _, _, colour in rows])
+        strips=strips.reshape(-1, 2, 2), colors=np.concatenate([colour for _, colour in rows])
     )
     return columns.partition([n] * len(rows))
-
-
-def _one(colour: int) -> NDArray[np.uint32]:
-    return np.array([colour], np.uint32)

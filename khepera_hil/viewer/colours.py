@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "DRAWN",
+    "GROUND",
     "INK",
     "LAMP",
     "LATE",
@@ -15,11 +16,14 @@ __all__ = [
     "PALETTE",
     "RIGHT",
     "ROBOT",
-    "ROLE",
     "SENSORS",
+    "WALL",
     "WORK",
     "faded",
+    "mixed",
+    "packed",
     "ramp",
+    "shape",
 ]
 
 MAIN = 0x4FC3A1FF
@@ -49,14 +53,17 @@ SENSORS = (
 )
 """Clockwise from the left, as the robot answers: cold on the left, warm on the right, violet behind."""
 
-ROLE = {
-    "wall": 0x8C95A3FF,
-    "fixed": 0x8C95A3FF,
-    "movable": 0xC08A5AFF,
-    "base": 0x3E7D5EFF,
-    "lamp": LAMP,
-}
-"""What stands in the arena, by its role."""
+WALL = 0x8C95A3FF
+BASE = 0x3E9D6EFF
+MOVABLE = 0xC98F5AFF
+
+GROUND = 0x0D1011FF
+_GROUND = tuple((shift, GROUND >> shift & 255) for shift in (24, 16, 8))
+
+
+def shape(kind: str, movable: bool) -> int:
+    """Of a thing in the arena."""
+    return {"lamp": LAMP, "base": BASE}.get(kind, MOVABLE if movable else WALL)
 
 
 def faded(colour: int, alpha: float) -> int:
@@ -64,9 +71,21 @@ def faded(colour: int, alpha: float) -> int:
     return (colour & 0xFFFFFF00) | round(255 * alpha)
 
 
+def packed(*colours: int) -> NDArray[np.uint32]:
+    """Colours as the viewer takes them; a plain list of three or four integers would be read as channels."""
+    return np.array(colours, np.uint32)
+
+
+def mixed(colour: int, share: float) -> int:
+    """``share`` of the colour, the rest the panels' ground; opaque, so that strokes may overlap."""
+    channels = [round(share * (colour >> shift & 255) + (1 - share) * ground) for shift, ground in _GROUND]
+    return channels[0] << 24 | channels[1] << 16 | channels[2] << 8 | 255
+
+
 def ramp(colour: int) -> NDArray[np.uint32]:
     """256 opaque colours from the panel's ground over ``colour`` to white."""
-    stops = np.array([[13, 16, 17], [colour >> 24 & 255, colour >> 16 & 255, colour >> 8 & 255], [255, 255, 255]])
+    stops = np.array([[ground, colour >> shift & 255, 255] for shift, ground in _GROUND]).T
     at = np.linspace(0, 1, 256)
     r, g, b = (np.interp(at, [0, 0.6, 1], stops[:, i]).astype(np.uint32) for i in range(3))
-    return (r << 24 | g << 16 | b << 8 | 255).astype(np.uint32)
+    blended: NDArray[np.uint32] = (r << 24 | g << 16 | b << 8 | 255).astype(np.uint32)
+    return blended

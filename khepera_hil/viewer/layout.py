@@ -7,19 +7,21 @@ variables, wheels and the loop over time.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from khepera_hil.viewer.beliefs import HISTORY, MANY, METRE_PER_SECOND, Panel, panels
+from khepera_hil.viewer import colours
+from khepera_hil.viewer.beliefs import HISTORY, MANY, PACE, Panel, panels
 from khepera_hil.viewer.scene import TRAIL
 
 __all__ = ["about", "layout"]
 
 TRAIL_SECONDS = 120.0
-GROUND = [13, 16, 17, 255]
+GROUND = colours.GROUND
 
 
 def layout(manifest: Mapping[str, Any]) -> rrb.Blueprint:
@@ -31,14 +33,14 @@ def layout(manifest: Mapping[str, Any]) -> rrb.Blueprint:
     if shown:
         columns.append(_beliefs(shown))
         shares.append(1.15)
-    columns.append(_series(manifest, shown))
+    columns.append(_series(manifest))
     shares.append(0.9)
     return rrb.Blueprint(
         rrb.Horizontal(*columns, column_shares=shares),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        # Paused: a file that begins to play when it is opened is never where one looks.
-        rrb.TimePanel(timeline="run_time", play_state="paused", state="collapsed"),
+        # Following: a finished file opens at its last tick with its history, and a live one stays at now.
+        rrb.TimePanel(timeline="run_time", play_state="following", state="collapsed"),
         auto_views=False,
         auto_layout=False,
     )
@@ -74,8 +76,19 @@ def _space(manifest: Mapping[str, Any]) -> rrb.Spatial2DView:
 
 
 def _texts() -> rrb.Tabs:
+    kind = rrb.encodings.TextLogColumnKind
     return rrb.Tabs(
-        rrb.TextLogView(origin="/events", name="Events"),
+        rrb.TextLogView(
+            origin="/events",
+            name="Events",
+            columns=rrb.TextLogColumns(
+                timeline_columns=[rrb.encodings.TimelineColumn("run_time")],
+                text_log_columns=[
+                    rrb.encodings.TextLogColumn(kind.LogLevel),
+                    rrb.encodings.TextLogColumn(kind.Body),
+                ],
+            ),
+        ),
         rrb.TextDocumentView(origin="/about", name="About this run"),
         active_tab=0,
     )
@@ -87,33 +100,26 @@ def _beliefs(shown: list[Panel]) -> rrb.Vertical:
     charts = [_chart(panel) for panel in order]
     columns = 1 if len(charts) == 1 else 2 if len(charts) <= 6 else 4
     grid = rrb.Grid(*charts, grid_columns=columns)
-    over_time: list[Any] = []
-    for panel in shown:
-        if not panel.main:
-            continue
-        if len(panel.values) <= MANY:
-            over_time.append(_waterfall(panel))
-        over_time.append(
-            rrb.TimeSeriesView(
-                origin=f"/summary/{panel.path}",
-                name=f"{panel.variable}: mean ± σ and drawn",
-                axis_x=_window(),
-                plot_legend=rrb.PlotLegend(visible=False),
-            )
-        )
-    if not over_time:
-        return rrb.Vertical(grid)
-    return rrb.Vertical(grid, rrb.Tabs(*over_time, active_tab=0), row_shares=[2, 1])
+    history: list[Any] = [_waterfall(panel) for panel in shown if panel.main and len(panel.values) <= MANY]
+    history += [
+        _plot(f"/summary/{panel.path}", f"{panel.variable}: mean ± σ, drawn (red)", legend=False)
+        for panel in shown
+        if panel.main
+    ]
+    history += [
+        _plot(f"/summary/{panel.path}", f"{panel.title} over time", legend=True) for panel in shown if panel.few
+    ]
+    return rrb.Vertical(grid, rrb.Tabs(*history, active_tab=0), row_shares=[1.9, 1])
 
 
 def _chart(panel: Panel) -> rrb.BarChartView:
     title = panel.title if panel.alone else f"{panel.variable} of {panel.title}"
+    if panel.words:  # the axis has numbers only
+        title += "   " + " ".join(f"{i} {value}" for i, value in enumerate(panel.values))
     if panel.main:
         title += "   drawn: red"
     return rrb.BarChartView(
-        origin=f"/distributions/{panel.path}",
-        name=title,
-        plot_legend=rrb.PlotLegend(visible=panel.few, corner=rrb.Corner2D.RightTop),
+        origin=f"/distributions/{panel.path}", name=title, plot_legend=rrb.PlotLegend(visible=False)
     )
 
 
@@ -122,7 +128,7 @@ def _waterfall(panel: Panel) -> rrb.Spatial2DView:
     return rrb.Spatial2DView(
         origin=f"/waterfall/{panel.path}",
         name=f"{panel.variable}, the last {HISTORY:g} s: {panel.title}",
-        visual_bounds=rrb.VisualBounds2D(x_range=[-METRE_PER_SECOND * HISTORY, 3.0], y_range=[-1.0, n]),
+        visual_bounds=rrb.VisualBounds2D(x_range=[-PACE * HISTORY, 3.0], y_range=[-1.0, n]),
         background=GROUND,
         time_ranges=rrb.VisibleTimeRanges(
             rr.VisibleTimeRange(
@@ -134,36 +140,63 @@ def _waterfall(panel: Panel) -> rrb.Spatial2DView:
     )
 
 
-def _series(manifest: Mapping[str, Any], shown: list[Panel]) -> rrb.Vertical:
-    views: list[Any] = [
-        _plot("/sensors/proximity", "Proximity Px1..Px8 (0 far .. 1023 near)", legend=True),
-        _plot("/sensors/light", "Light L1..L8 (low = bright)", legend=False),
+def _series(manifest: Mapping[str, Any]) -> rrb.Vertical:
+    return rrb.Vertical(
+        _plot("/sensors/proximity", "Proximity Px1..Px8: 0 far .. 1023 near", legend=False, span=(0, 1023)),
+        _plot("/sensors/light", "Light L1..L8: 511 dark .. 0 bright", legend=False, span=(0, 511)),
+        *_variables(manifest.get("evidence") or {}),
+        _plot("/motors", "Wheels as sent (pulse/10 ms, 1 = 8 mm/s)", legend=True),
+        rrb.Tabs(
+            _plot("/loop/ms", "Loop: lateness, work (ms)", legend=True),
+            _plot("/loop/counts", "missed, dropped (ticks)", legend=True),
+            active_tab=0,
+        ),
+    )
+
+
+def _variables(evidence: Mapping[str, Sequence[int | str]]) -> list[Any]:
+    """The evidence over time: variables of like range share a plot, words have their own lanes of states."""
+    if not evidence:
+        return [_plot("/variables", "Variables", legend=True)]
+    scales: dict[int, list[str]] = {}
+    words: list[str] = []
+    for name, values in evidence.items():
+        if any(isinstance(value, str) for value in values):
+            words.append(name)
+        else:
+            widest = max((abs(float(value)) for value in values), default=1.0)
+            scales.setdefault(int(np.log(max(widest, 1.0)) / np.log(8)), []).append(name)
+    plots: list[Any] = [
+        _plot("/variables", ", ".join(names), legend=len(names) > 1, contents=[_variable(n) for n in names])
+        for names in scales.values()
     ]
-    variables = [str(name) for name in manifest.get("evidence") or []]
-    if variables:
-        views.append(
-            rrb.Tabs(
-                *(_plot(f"/variables/{rr.escape_entity_path_part(name)}", name, legend=False) for name in variables)
+    if words:
+        plots.append(
+            rrb.StateTimelineView(
+                origin="/variables", contents=[_variable(n) for n in words], name=", ".join(words)
             )
         )
-    else:
-        views.append(_plot("/variables", "Variables", legend=True))
-    views += [_plot(f"/summary/{p.path}", p.title, legend=True) for p in shown if p.few]
-    views += [
-        _plot("/motors", "Wheels as sent (pulse/10 ms; 1 = 8 mm/s)", legend=True),
-        rrb.Tabs(
-            _plot("/loop/ms", "Loop: late, work (ms)", legend=True),
-            _plot("/loop/counts", "Loop: missed, dropped", legend=True),
-        ),
-    ]
-    return rrb.Vertical(*views)
+    return plots if len(plots) <= 3 else [rrb.Tabs(*plots, active_tab=0)]
 
 
-def _plot(origin: str, name: str, *, legend: bool) -> rrb.TimeSeriesView:
+def _variable(name: str) -> str:
+    return "/variables/" + rr.escape_entity_path_part(name)
+
+
+def _plot(
+    origin: str,
+    name: str,
+    *,
+    legend: bool,
+    contents: Sequence[str] = ("$origin/**",),
+    span: tuple[float, float] | None = None,
+) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         origin=origin,
+        contents=list(contents),
         name=name,
         axis_x=_window(),
+        axis_y=None if span is None else rrb.ScalarAxis(range=span),
         plot_legend=rrb.PlotLegend(visible=legend, corner=rrb.Corner2D.LeftTop),
     )
 
@@ -200,9 +233,10 @@ def about(manifest: Mapping[str, Any]) -> str:
         "- Bars: probability of each value at the cursor; red is the value that was drawn.",
         "- Waterfall: the same distribution over the last seconds, now at the right; brighter is more probable; "
         "red dots are the draws.",
-        "- Arena: metres, x right, y up. Red rays grow with proximity, yellow ones with light; the red stroke "
+        "- Arena: metres, x right, y up. Red rays grow with proximity, yellow ones with light; the white stroke "
         "points ahead; dots are the trail.",
-        "- Sensors clockwise from the left: 1 left, 2 left 45, 3 and 4 front, 5 right 45, 6 right, 7 and 8 back.",
+        "- Sensors clockwise from the left: 1 left, 2 left 45, 3 and 4 front, 5 right 45, 6 right, 7 and 8 back; "
+        "blue is left, yellow and orange right, violet behind.",
         "- Light readings fall with brightness. Angles of a program are clockwise degrees, 0 ahead.",
         "- Wheels in pulses per 10 ms, as really sent.",
         "- Timelines: `run_time` (robot time), `tick` (number of the deadline), `wall_clock` (host).",

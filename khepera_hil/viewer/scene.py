@@ -1,5 +1,9 @@
 """The arena and the robot in it, in metres, x right and y up.
 
+The manifest's ``world`` is ``{"name", "size": [width, depth], "shapes": [...]}``, or null where nobody can see
+the robot. A shape has ``name``, ``kind``, ``pose`` (x, y, theta), ``height``, ``movable``, and ``polygon`` (its
+corners in its own frame) or ``radius``.
+
 The viewer's plane has y down, so everything hangs below one mirror, ``/world``; data stay in true coordinates.
 """
 
@@ -16,7 +20,7 @@ from khepera_hil.recording import Pose, Tick
 from khepera_hil.viewer import colours
 from khepera_hil.viewer.columns import Columns, Lane, Stamp
 
-__all__ = ["TRAIL", "Scene", "readings"]
+__all__ = ["TRAIL", "Scene", "hatching", "readings"]
 
 TRAIL = "/world/trail"
 
@@ -29,6 +33,9 @@ _ROOT = 0.028 * np.column_stack([np.cos(_PLACE), np.sin(_PLACE)])
 _WAY = np.column_stack([np.cos(_AIM), np.sin(_AIM)])
 # Where the eight sensors sit and look, counter-clockwise from ahead: the KiKS simulator's geometry, which
 # tables measured on real robots bear out.
+
+LOW = 0.05
+"""Height (m) below which a thing is drawn darker."""
 
 RAY = 0.06
 """Length of a full reading's ray (m)."""
@@ -60,7 +67,11 @@ class Scene:
         _log(stream, "/world", rr.Transform3D(scale=[1, -1, 1]))
         _robot(stream)
         # The trail's look, once; its points come tick by tick.
-        _log(stream, TRAIL, rr.Points2D.from_fields(radii=[0.003], colors=_one(colours.faded(colours.ROBOT, 0.5))))
+        _log(
+            stream,
+            TRAIL,
+            rr.Points2D.from_fields(radii=[0.003], colors=colours.packed(colours.faded(colours.ROBOT, 0.6))),
+        )
         self._movable: dict[str, Lane] = {}
         self._first: dict[str, Pose] = {}
         world = manifest.get("world")
@@ -70,40 +81,41 @@ class Scene:
                 self._shape(stream, shape)
 
     def _shape(self, stream: rr.RecordingStream, shape: Mapping[str, Any]) -> None:
-        name, role = str(shape["name"]), str(shape["role"])
-        path = "/world/" + "/".join(rr.escape_entity_path_part(part) for part in (role, name))
-        x, y, theta = shape.get("pose", (0.0, 0.0, 0.0))
-        pose = rr.Transform3D(translation=[x, y, 0], rotation=rr.RotationAxisAngle([0, 0, 1], radians=theta))
-        if role == "movable":
-            self._movable[name] = Lane(path, _poses)
-            self.lanes[f"movable {name}"] = self._movable[name]
+        name, kind = str(shape["name"]), str(shape["kind"])
+        if kind == "robot":
+            return
+        path = "/world/" + "/".join(rr.escape_entity_path_part(part) for part in (kind, name))
+        x, y, theta = shape["pose"]
+        if shape.get("movable"):
+            self.lanes[f"movable {name}"] = self._movable[name] = Lane(path, _poses)
             # Not static, which would hide every later pose: it goes out with the first tick.
             self._first[name] = (x, y, theta)
         else:
-            _log(stream, path, pose)
-        colour = colours.ROLE.get(role, colours.INK)
-        label = [role] if role in ("lamp", "base") else [name]
-        shown = role in ("lamp", "base")
-        if shape["kind"] == "disc":
-            _log(
-                stream,
-                f"{path}/shape",
-                rr.Points2D([[0, 0]], radii=shape["radius"], colors=_one(colour), labels=label, show_labels=shown),
-            )
+            turn = rr.RotationAxisAngle([0, 0, 1], radians=theta)
+            _log(stream, path, rr.Transform3D(translation=[x, y, 0], rotation=turn))
+        height = float(shape.get("height", 0.0))
+        mark = kind in ("lamp", "base")
+        look: dict[str, Any] = {
+            "labels": [kind if mark else f"{name}, {1000 * height:.0f} mm high"],
+            "show_labels": mark,
+            "draw_order": {"base": 3.0, "lamp": 8.0}.get(kind, 6.0),
+        }
+        colour = colours.shape(kind, bool(shape.get("movable")))
+        # What the lamp is seen over is darker than what hides it.
+        fill = colours.mixed(colour, 1.0 if kind == "lamp" else 0.3 if height < LOW else 0.6)
+        if "radius" in shape:
+            disc = rr.Points2D([[0, 0]], radii=shape["radius"], colors=colours.packed(fill), **look)
+            _log(stream, f"{path}/shape", disc)
             return
-        points = np.asarray(shape["points"], np.float64)
+        points = np.asarray(shape["polygon"], np.float64)
         outline = np.vstack([points, points[:1]])
-        edge = 0.0015 if role == "base" else 0.002
-        _log(
-            stream,
-            f"{path}/shape",
-            rr.LineStrips2D([outline], radii=edge, colors=_one(colour), labels=label, show_labels=shown),
+        edge = rr.LineStrips2D([outline], radii=0.0015, colors=colours.packed(colour), **look)
+        _log(stream, f"{path}/shape", edge)
+        strips, half = hatching(points)
+        inside = rr.LineStrips2D(
+            strips, radii=1.15 * half, colors=colours.packed(fill), draw_order=look["draw_order"] - 1
         )
-        filling = _filling(points)
-        if filling is not None:
-            strip, half = filling
-            fill = colours.faded(colour, 0.18 if role == "base" else 0.45)
-            _log(stream, f"{path}/filling", rr.LineStrips2D([strip], radii=half, colors=_one(fill), draw_order=5.0))
+        _log(stream, f"{path}/filling", inside)
 
     def write(self, tick: Tick, stamp: Stamp) -> None:
         """Keep one tick's rows."""
@@ -130,39 +142,48 @@ def _robot(stream: rr.RecordingStream) -> None:
         rr.LineStrips2D(
             [rim, *wheels, [[0.008, 0], [RADIUS, 0]]],
             radii=[0.0014, 0.0024, 0.0024, 0.0022],
-            colors=np.array([colours.ROBOT, colours.LEFT, colours.RIGHT, colours.DRAWN], np.uint32),
+            colors=colours.packed(colours.ROBOT, colours.LEFT, colours.RIGHT, colours.ROBOT),
             draw_order=50.0,
         ),
     )
     _log(
         stream,
         "/world/robot/disc",
-        rr.Points2D([[0, 0]], radii=RADIUS, colors=_one(0x2B3340FF), draw_order=40.0),
+        rr.Points2D([[0, 0]], radii=RADIUS, colors=colours.packed(0x2B3340FF), draw_order=40.0),
     )
     for kind, colour, width in (("light", colours.LAMP, 0.0012), ("proximity", colours.DRAWN, 0.0024)):
         _log(
             stream,
             f"/world/robot/{kind}",
-            rr.LineStrips2D.from_fields(colors=_one(colours.faded(colour, 0.9)), radii=[width], draw_order=45.0),
+            rr.LineStrips2D.from_fields(
+                colors=colours.packed(colours.faded(colour, 0.9)), radii=[width], draw_order=45.0
+            ),
         )
 
 
 def _floor(stream: rr.RecordingStream, size: tuple[float, float]) -> None:
     width, height = size
     edge = np.array([[0, 0], [width, 0], [width, height], [0, height], [0, 0]])
-    _log(stream, "/world/floor", rr.LineStrips2D([edge], radii=0.003, colors=_one(colours.ROLE["wall"])))
+    _log(stream, "/world/floor", rr.LineStrips2D([edge], radii=0.003, colors=colours.packed(colours.WALL)))
 
 
-def _filling(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float] | None:
-    """A rectangle as one thick line (the viewer fills no polygons): its middle line and half its width."""
-    if len(points) != 4 or not np.allclose(points[0] + points[2], points[1] + points[3], atol=1e-6):
-        return None
-    a, b = points[1] - points[0], points[2] - points[1]
-    if abs(a @ b) > 1e-9 + 1e-3 * np.linalg.norm(a) * np.linalg.norm(b):
-        return None
-    if np.linalg.norm(a) < np.linalg.norm(b):
-        points, b = np.roll(points, -1, axis=0), -a
-    return np.array([points[0] + b / 2, points[1] + b / 2]), float(np.linalg.norm(b)) / 2
+def hatching(points: NDArray[np.float64], lines: int = 24) -> tuple[NDArray[np.float32], float]:
+    """A polygon (n, 2) filled by level strokes, since the viewer fills none: strokes (m, 2, 2), half their width.
+
+    Strokes have round ends, so each stops half its width before the edge.
+    """
+    low, high = points[:, 1].min(), points[:, 1].max()
+    half = (high - low) / lines / 2
+    after = np.roll(points, -1, axis=0)
+    strokes = []
+    for y in low + half * (2 * np.arange(lines) + 1):
+        crossed = (points[:, 1] <= y) != (after[:, 1] <= y)
+        (x0, y0), (x1, y1) = points[crossed].T, after[crossed].T
+        ends = np.sort(x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+        for left, right in zip(ends[::2], ends[1::2], strict=True):
+            if right - left > 2 * half:
+                strokes.append([[left + half, y], [right - half, y]])
+    return np.array(strokes, np.float32).reshape(-1, 2, 2), float(half)
 
 
 def _poses(rows: list[Pose]) -> Columns:
@@ -183,10 +204,6 @@ def _rays(rows: list[NDArray[np.float64] | None]) -> Columns:
     ]
     columns = rr.LineStrips2D.columns(strips=np.concatenate(strips) if strips else [])
     return columns.partition([0 if row is None else 8 for row in rows])
-
-
-def _one(colour: int) -> NDArray[np.uint32]:
-    return np.array([colour], np.uint32)  # a plain list of few integers would be read as channels
 
 
 def _log(stream: rr.RecordingStream, path: str, what: Any) -> None:

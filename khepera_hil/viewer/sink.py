@@ -13,7 +13,7 @@ import rerun as rr
 from khepera_hil.recording import Tick
 from khepera_hil.viewer import colours
 from khepera_hil.viewer.beliefs import Beliefs
-from khepera_hil.viewer.columns import Columns, Lane, Stamp
+from khepera_hil.viewer.columns import Columns, Lane, Stamp, vectors
 from khepera_hil.viewer.layout import about, layout
 from khepera_hil.viewer.scene import Scene, readings
 
@@ -107,9 +107,9 @@ class RerunFile:
 
 def _own_lanes(stream: rr.RecordingStream) -> dict[str, Lane]:
     def series(path: str, names: list[str], hues: tuple[int, ...]) -> Lane:
-        look = rr.SeriesLines(names=names, colors=np.array(hues, np.uint32), widths=[1.5] * len(names))
+        look = rr.SeriesLines(names=names, colors=colours.packed(*hues), widths=[1.5] * len(names))
         stream.log(path, look, static=True, strict=True)
-        return Lane(path, _vectors(len(names)))
+        return Lane(path, vectors(len(names)))
 
     return {
         "proximity": series("/sensors/proximity", [f"Px{i}" for i in range(1, 9)], colours.SENSORS),
@@ -128,10 +128,6 @@ def _variable(stream: rr.RecordingStream, name: str, value: int | str) -> Lane:
     look = rr.SeriesLines(names=[name], widths=[1.5])
     stream.log(path, look, static=True, strict=True)
     return Lane(path, lambda rows: rr.Scalars.columns(scalars=np.array(rows, np.float64)))
-
-
-def _vectors(n: int) -> Any:
-    return lambda rows: rr.Scalars.columns(scalars=np.concatenate(rows)).partition([n] * len(rows))
 
 
 def _texts(rows: list[tuple[str, str]]) -> Columns:

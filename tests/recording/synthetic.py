@@ -21,17 +21,29 @@ QUESTIONS = [
     ("Vrot phototaxy", "P(Vrot | Theta1), phototaxy", "Vrot", VROT, False),
 ]
 
-SHAPES: list[dict[str, Any]] = [
-    {"name": "base", "role": "base", "kind": "polygon", "pose": [0.91, 0.91, 0.0], "points": [[-0.09, -0.09], [0.09, -0.09], [0.09, 0.09], [-0.09, 0.09]]},
-    {"name": "base wall 1", "role": "wall", "kind": "polygon", "pose": [0.82, 0.9525, np.pi / 2], "points": [[-0.0475, -0.004], [0.0475, -0.004], [0.0475, 0.004], [-0.0475, 0.004]]},
-    {"name": "base wall 2", "role": "wall", "kind": "polygon", "pose": [0.9525, 0.82, 0.0], "points": [[-0.0475, -0.004], [0.0475, -0.004], [0.0475, 0.004], [-0.0475, 0.004]]},
-    {"name": "lamp", "role": "lamp", "kind": "disc", "pose": [0.96, 0.96, 0.0], "radius": 0.012},
-    {"name": "wall 1", "role": "wall", "kind": "polygon", "pose": [0.3, 0.25, 0.7], "points": [[-0.1, -0.005], [0.1, -0.005], [0.1, 0.005], [-0.1, 0.005]]},
-    {"name": "wall 2", "role": "wall", "kind": "polygon", "pose": [0.75, 0.35, 2.2], "points": [[-0.1, -0.005], [0.1, -0.005], [0.1, 0.005], [-0.1, 0.005]]},
-    {"name": "pillar", "role": "fixed", "kind": "disc", "pose": [0.12, 0.6, 0.0], "radius": 0.04},
-    {"name": "box", "role": "movable", "kind": "polygon", "pose": [0.5, 0.86, 0.4], "points": [[-0.04, -0.025], [0.04, -0.025], [0.04, 0.025], [-0.04, 0.025]]},
-    {"name": "can", "role": "movable", "kind": "disc", "pose": [0.2, 0.8, 0.0], "radius": 0.03},
-]  # fmt: skip
+
+def _thing(name: str, kind: str, pose: tuple[float, float, float], height: float, **outline: Any) -> dict[str, Any]:
+    movable = kind in ("block", "disc", "robot")
+    return {"name": name, "kind": kind, "pose": list(pose), "height": height, "movable": movable, **outline}
+
+
+def _box(width: float, depth: float) -> list[list[float]]:
+    x, y = width / 2, depth / 2
+    return [[-x, -y], [x, -y], [x, y], [-x, y]]
+
+
+SHAPES = [
+    _thing("base", "base", (0.91, 0.91, 0.0), 0.0, polygon=_box(0.18, 0.18)),
+    _thing("base wall 1", "wall", (0.82, 0.9525, 1.5708), 0.06, polygon=_box(0.095, 0.008)),
+    _thing("base wall 2", "wall", (0.9525, 0.82, 0.0), 0.06, polygon=_box(0.095, 0.008)),
+    _thing("lamp", "lamp", (0.96, 0.96, 0.0), 0.075, radius=0.012),
+    _thing("fixed 1", "fixed", (0.3, 0.14, 0.3), 0.08, polygon=_box(0.2, 0.01)),
+    _thing("fixed 2", "fixed", (0.87, 0.3, 2.0), 0.08, polygon=_box(0.2, 0.01)),
+    _thing("box", "block", (0.5, 0.86, 0.4), 0.08, polygon=_box(0.08, 0.05)),
+    _thing("low box", "block", (0.12, 0.55, 1.0), 0.03, polygon=_box(0.07, 0.07)),
+    _thing("can", "disc", (0.2, 0.8, 0.0), 0.03, radius=0.03),
+    _thing("robot", "robot", (0.5, 0.23, 0.0), 0.029, radius=0.0285),
+]
 
 
 def manifest(world: bool = True) -> dict[str, Any]:
@@ -44,7 +56,7 @@ def manifest(world: bool = True) -> dict[str, Any]:
             {"key": key, "name": name, "variables": [variable], "values": [list(values)], "main": main}
             for key, name, variable, values, main in QUESTIONS
         ],
-        "evidence": ["Dir", "Prox", "Theta1"],
+        "evidence": {"Dir": list(range(-10, 11)), "Prox": list(range(16)), "Theta1": list(range(-170, 181, 10))},
         "world": {"name": "furnished", "size": [1.0, 1.0], "shapes": SHAPES} if world else None,
     }
 
