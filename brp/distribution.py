@@ -30,7 +30,7 @@ class Distribution:
         p.setflags(write=False)
         self.variables = variables
         self.p = p
-        self._sums: list[float] | None = None
+        self._sums: NDArray[np.float64] | list[float] | None = None
 
     @property
     def values(self) -> Sequence[Any]:
@@ -51,11 +51,15 @@ class Distribution:
         """
         sums = self._sums
         if sums is None:
-            sums = self._sums = self.p.cumsum().tolist()
-        place = bisect_right(sums, u * sums[-1])
+            sums = self._sums = np.add.accumulate(self.p if self.p.ndim == 1 else self.p.ravel())
+        elif not isinstance(sums, list):  # a list is searched faster, and worth making for whoever draws again
+            sums = self._sums = sums.tolist()
+        place = (
+            bisect_right(sums, u * sums[-1]) if isinstance(sums, list) else sums.searchsorted(u * sums[-1], "right")
+        )
         if place == len(sums):  # u times the total may round up to the total
             place = int(self.p.ravel().nonzero()[0][-1])
-        return self._value(place)
+        return self._value(int(place))
 
     def best(self) -> Any:
         """The most probable value; the first of them when several are."""
