@@ -1,1 +1,68 @@
-"""Bayesian Robot Programming (Lebeltel, Bessiere, Diard, Mazer 2004) as a library: probability, and no robot."""
+"""Bayesian Robot Programming (Lebeltel, Bessiere, Diard, Mazer 2004) as a library: probability, and no robot.
+
+Dir = Variable("Dir", range(-10, 11))
+Prox = Variable("Prox", range(16))
+Vrot = Variable("Vrot", range(-10, 11))
+obstacle = Specification(
+    {
+        P(Dir): Uniform(),
+        P(Prox): Uniform(),
+        P(Vrot | Dir, Prox): Gaussian(),
+    },
+    name="pi-obstacle",
+)
+push = obstacle.identify(samples, name="delta-push")
+turn = push.ask(P(Vrot | Dir, Prox))
+vrot = turn(Dir=3, Prox=12).draw(rng)
+"""
+
+from brp.description import Description, Specification
+from brp.distribution import Distribution
+from brp.errors import (
+    BrpError,
+    DataError,
+    EvidenceError,
+    ImpossibleEvidence,
+    NotAValue,
+    NotNumeric,
+    QuestionError,
+    SpecificationError,
+    TermError,
+    TooLarge,
+    Unidentified,
+)
+from brp.forms import Dirac, Form, Sigmoid, Switch, Table, Uniform
+from brp.gaussian import Gaussian, Nearest, Prior
+from brp.question import Question
+from brp.variables import P, Term, Value, Variable
+
+__all__ = [
+    "BrpError",
+    "DataError",
+    "Description",
+    "Dirac",
+    "Distribution",
+    "EvidenceError",
+    "Form",
+    "Gaussian",
+    "ImpossibleEvidence",
+    "Nearest",
+    "NotAValue",
+    "NotNumeric",
+    "P",
+    "Prior",
+    "Question",
+    "QuestionError",
+    "Sigmoid",
+    "Specification",
+    "SpecificationError",
+    "Switch",
+    "Table",
+    "Term",
+    "TermError",
+    "TooLarge",
+    "Unidentified",
+    "Uniform",
+    "Value",
+    "Variable",
+]

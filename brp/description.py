@@ -1,0 +1,201 @@
+"""Specification, description, question: the three things of a Bayesian program (section 3.3, figure 1).
+
+A specification (the paper's preliminary knowledge) is a decomposition with a form for each of its terms. Identified
+with data it is a description, and a description can be asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from brp.errors import SpecificationError
+from brp.factors import Factor
+from brp.forms import Form
+from brp.question import LARGEST, Question
+from brp.samples import Data, Samples
+from brp.variables import Term, Variable, text
+
+__all__ = ["Description", "Specification"]
+
+
+class Specification:
+    """Preliminary knowledge: the decomposition at the left, a form for each of its terms at the right.
+
+    Raises `SpecificationError` with a sentence when the terms are no decomposition of a joint distribution [E3.9]
+    or a form does not fit its term. It cannot be asked: `identify` makes it a `Description`.
+    """
+
+    def __init__(self, forms: Mapping[Term, Form], *, name: str = "") -> None:
+        self.name = name
+        self.forms = dict(forms)
+        _check(self)
+        self.terms: tuple[Term, ...] = tuple(self.forms)
+        self.variables: tuple[Variable, ...] = tuple(v for term in self.terms for v in term.of)
+        names = (name,) if name else ()
+        self._factors: dict[Term, Factor] = {}
+        for term, form in self.forms.items():
+            if form.free:
+                form.identify(term, Samples({}, 0))  # refuses here what does not fit
+            else:
+                self._factors[term] = form.factor(term, names)
+
+    @property
+    def free(self) -> tuple[Term, ...]:
+        """The terms whose forms have parameters that only data can identify."""
+        return tuple(term for term, form in self.forms.items() if form.free)
+
+    def identify(
+        self, samples: Data | None = None, *, name: str = "", parameters: Mapping[Term, Form] | None = None
+    ) -> Description:
+        """The description that ``samples`` make of it; ``name`` is the data set's (``delta-push``).
+
+        ``samples`` are columns (a mapping from a variable's name to its values) or rows (mappings). ``parameters``
+        says of some free terms what they are, in place of the data: a table written by hand for a taught one.
+        """
+        given = dict(parameters or {})
+        for term in given:
+            if term not in self.free:
+                raise SpecificationError(f"{term} of {self} has no free parameters that could be given")
+        needed = {v for term in self.free if term not in given for v in term.variables}
+        read = Samples.of(samples, [v for v in self.variables if v in needed])
+        forms = {
+            term: given[term]
+            if term in given
+            else form.identify(term, read)
+            if form.free and samples is not None
+            else form
+            for term, form in self.forms.items()
+        }
+        return Description(self, forms, name)
+
+    def __str__(self) -> str:
+        return self.name or "a specification without a name"
+
+    def __repr__(self) -> str:
+        width = max(len(str(term)) for term in self.terms)
+        lines = [f"Specification {self}"]
+        lines += [f"  {variable} in {{{variable.domain}}}, {len(variable)} values" for variable in self.variables]
+        lines += [f"  {term!s:{width}} = {form!r}" for term, form in self.forms.items()]
+        return "\n".join(lines)
+
+
+class Description:
+    """A specification whose free parameters are identified: a joint distribution, ready to be asked.
+
+    It is never changed; other data make another description.
+    """
+
+    def __init__(self, specification: Specification, forms: Mapping[Term, Form], name: str) -> None:
+        self.specification = specification
+        self.name = name
+        self._forms = dict(forms)
+        self._factors: dict[Term, Factor] = {}
+        self._questions: dict[tuple[Term, int], Question] = {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The data set and the specification, as they stand at the right of a question."""
+        return tuple(name for name in (self.name, self.specification.name) if name)
+
+    @property
+    def variables(self) -> tuple[Variable, ...]:
+        """All variables of the joint distribution."""
+        return self.specification.variables
+
+    def __getitem__(self, term: Term) -> Form:
+        """The identified form of a term."""
+        return self._forms[term]
+
+    def ask(self, term: Term, *, largest: int = LARGEST) -> Question:
+        """The question P(Searched | Known), compiled; asked again it is the same question.
+
+        Every variable that the term does not name is unknown, and summed out [E3.11]. Raises `QuestionError` for a
+        variable that is not in the description, `TooLarge` when an array would pass ``largest`` bytes, and
+        `Unidentified` when a free form that the question needs has met no data.
+        """
+        key = (term, largest)
+        if key not in self._questions:
+            self._questions[key] = Question(self, term, largest)
+        return self._questions[key]
+
+    def relevant(self, term: Term) -> list[Factor]:
+        """The factors that a question depends on: those that lead to a searched or known variable.
+
+        All others sum to 1 over unknown variables.
+        """
+        defining = {v: t for t in self._forms for v in t.of}
+        wanted: dict[Term, None] = {}
+        waiting = list(term.variables)
+        while waiting:
+            here = defining[waiting.pop()]
+            if here not in wanted:
+                wanted[here] = None
+                waiting.extend(here.given)
+        return [self._factor(t) for t in self._forms if t in wanted]
+
+    def _factor(self, term: Term) -> Factor:
+        ready = self.specification._factors.get(term) or self._factors.get(term)
+        if ready is None:
+            ready = self._factors[term] = self._forms[term].factor(term, self.names)
+        return ready
+
+    def __str__(self) -> str:
+        return text(self.names) or "a description without a name"
+
+    def __repr__(self) -> str:
+        return f"Description {self}\n" + repr(self.specification)
+
+
+def _check(specification: Specification) -> None:
+    """Refuse what is no decomposition [E3.9], naming what is wrong."""
+    defining: dict[Variable, Term] = {}
+    names: dict[str, Variable] = {}
+    if not specification.forms:
+        raise SpecificationError(f"{specification} has no terms")
+    for term, form in specification.forms.items():
+        if not isinstance(term, Term) or not isinstance(form, Form):  # type: ignore[redundant-expr]  # a user's slip
+            raise SpecificationError(f"{specification} has {term!r}: {form!r}, and wants a term and its form")
+        for variable in term.of:
+            if variable in defining:
+                raise SpecificationError(
+                    f"{specification} is no decomposition: {variable} is left of the bar in both "
+                    f"{defining[variable]} and {term}"
+                )
+            defining[variable] = term
+        for variable in term.variables:
+            if names.setdefault(variable.keyword, variable) != variable:
+                raise SpecificationError(f"{specification} has two different variables named {variable}")
+    for term in specification.forms:
+        for variable in term.given:
+            if variable not in defining:
+                raise SpecificationError(
+                    f"{specification} is no decomposition: {variable} in {term} is left of no bar; "
+                    f"add P({variable})"
+                )
+    _check_order(specification, defining)
+
+
+def _check_order(specification: Specification, defining: Mapping[Variable, Term]) -> None:
+    """Each term may be given only what terms before it define, in some order of them."""
+    waiting = {term: {defining[v] for v in term.given} for term in specification.forms}
+    users: dict[Term, list[Term]] = {}
+    for term, needs in waiting.items():
+        for need in needs:
+            users.setdefault(need, []).append(term)
+    ready = [term for term, needs in waiting.items() if not needs]
+    while ready:
+        term = ready.pop()
+        del waiting[term]
+        for user in users.get(term, ()):
+            waiting[user].discard(term)
+            if not waiting[user]:
+                ready.append(user)
+    if waiting:
+        # Follow the needs of any term that is left: what comes round again is a cycle.
+        path = [next(iter(waiting))]
+        while path[-1] not in path[:-1]:
+            path.append(next(term for term in specification.forms if term in waiting[path[-1]]))
+        cycle = path[path.index(path[-1]) :]
+        raise SpecificationError(
+            f"{specification} is no decomposition: {' needs '.join(map(str, cycle))}, which is a cycle"
+        )

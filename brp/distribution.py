@@ -1,0 +1,104 @@
+"""What a question answers: a probability for each value of what was searched."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brp.errors import QuestionError
+from brp.variables import Value, Variable, text
+
+__all__ = ["Distribution"]
+
+
+class Distribution:
+    """A distribution over one or several variables; never changed.
+
+    ``p`` is a read-only float64 array with one axis for each of ``variables``, in the order asked, and sums to one.
+    What `draw`, `at` and `best` return is the bare value for one variable, and the tuple of values, in the order
+    asked, for several: ``vrot, vtrans = motors(...).draw(rng)``. The same shape is the key of ``d[...]``.
+    """
+
+    __slots__ = ("_sums", "p", "variables")
+
+    def __init__(self, variables: tuple[Variable, ...], p: NDArray[np.float64]) -> None:
+        p.setflags(write=False)
+        self.variables = variables
+        self.p = p
+        self._sums: NDArray[np.float64] | list[float] | None = None
+
+    @property
+    def values(self) -> Sequence[Any]:
+        """The values that can be drawn, in the order of ``p.ravel()``: bare for one variable, else tuples."""
+        if len(self.variables) == 1:
+            return self.variables[0].values
+        return list(product(*(variable.values for variable in self.variables)))
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        """Draw(P(Searched | known)) of section 3.4; takes exactly one uniform number from ``rng``."""
+        return self.at(rng.random())
+
+    def at(self, u: float) -> Any:
+        """The value that the uniform number ``u`` in [0, 1) draws, so that a recorded draw can be made again.
+
+        The values share [0, 1) in their order, each a stretch as long as its probability: one of probability zero
+        has none and is never returned.
+        """
+        sums = self._sums
+        if sums is None:
+            sums = self._sums = np.add.accumulate(self.p if self.p.ndim == 1 else self.p.ravel())
+        elif not isinstance(sums, list):  # a list is searched faster, and worth making for whoever draws again
+            sums = self._sums = sums.tolist()
+        place = (
+            bisect_right(sums, u * sums[-1]) if isinstance(sums, list) else sums.searchsorted(u * sums[-1], "right")
+        )
+        if place == len(sums):  # u times the total may round up to the total
+            place = int(self.p.ravel().nonzero()[0][-1])
+        return self._value(int(place))
+
+    def best(self) -> Any:
+        """The most probable value; the first of them when several are."""
+        return self._value(int(self.p.argmax()))
+
+    def mean(self) -> Any:
+        """The expected value: a float, or a tuple of them for several variables; raises `NotNumeric` for words."""
+        means = tuple(float(self.marginal(v).p @ v.numbers) for v in self.variables)
+        return means[0] if len(means) == 1 else means
+
+    def entropy(self) -> float:
+        """The entropy in bits: 0 when one value is certain, log2 of their number when all are alike."""
+        p = self.p[self.p > 0]
+        return max(0.0, float(-(p @ np.log2(p))))
+
+    def marginal(self, *variables: Variable) -> Distribution:
+        """The distribution over some of the variables, in the order named [E3.6]."""
+        for variable in variables:
+            if variable not in self.variables:
+                raise QuestionError(f"{variable} is not among what was searched ({text(self.variables)})")
+        if variables == self.variables:
+            return self
+        kept = [self.variables.index(variable) for variable in variables]
+        rest = tuple(axis for axis in range(self.p.ndim) if axis not in kept)
+        order = sorted(kept)
+        return Distribution(tuple(variables), self.p.sum(axis=rest).transpose([order.index(axis) for axis in kept]))
+
+    def __getitem__(self, value: Any) -> float:
+        parts = (value,) if len(self.variables) == 1 else value
+        return float(self.p[tuple(v.place(part) for v, part in zip(self.variables, parts, strict=True))])
+
+    def _value(self, place: int) -> Any:
+        if len(self.variables) == 1:
+            return self.variables[0].values[place]
+        places = np.unravel_index(place, self.p.shape)
+        return tuple(v.values[int(i)] for v, i in zip(self.variables, places, strict=True))
+
+    def __repr__(self) -> str:
+        flat = self.p.ravel()
+        few: list[tuple[Value, float]] = [(self._value(int(i)), float(flat[i])) for i in np.argsort(-flat)[:5]]
+        shown = ", ".join(f"{value}: {p:.4g}" for value, p in few if p > 0)
+        return f"<P({text(self.variables)}) {shown}{', ...' if flat.size > 5 else ''}>"

@@ -1,0 +1,56 @@
+"""A simplified question as one reads it: the right side of equations such as E7.1 and E10.4."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Any
+
+from brp.expression import Conditional, Leaf, Node, Slice, Split, Sum, climb
+from brp.factors import label
+from brp.simplification import Simplified
+from brp.variables import text
+
+__all__ = ["formula"]
+
+LONG = 4000
+"""A part longer than this is cut short: a thousand nested sums are not for reading."""
+
+
+def formula(simplified: Simplified) -> str:
+    """The expression as text, several lines where there are cases."""
+    (child,) = simplified.start.children
+    body = climb(_write, child, 0)
+    return f"1/Σ × {body}" if simplified.division else body
+
+
+def _write(here: Node, depth: int) -> Generator[tuple[Any, ...], str, str]:
+    indent = "\n" + "  " * (depth + 1)
+    if isinstance(here, Leaf):
+        density = here.density
+        return label(density.of, density.given, density.names, here.fixed)
+    if isinstance(here, Sum) and isinstance(here.children[0], Split):
+        parts = []
+        for branch in here.children[0].children:
+            parts.append((yield (branch, depth + 1)))
+        return _short(f"[ {f'{indent}+ '.join(parts)} ]")
+    if isinstance(here, Sum):
+        inner = yield (here.children[0], depth + 1)
+        return _short(f"Σ_{{{text(here.variables)}}} [ {inner} ]")
+    if isinstance(here, Split):
+        parts = []
+        for value, branch in zip(here.variable.values, here.children, strict=True):
+            parts.append(f"{here.variable} = {value}: " + (yield (branch, depth + 1)))
+        return _short("{ " + f"{indent}; ".join(parts) + " }")
+    if isinstance(here, Conditional):
+        return here.name
+    if isinstance(here, Slice):
+        where = ", ".join(f"{v} = {v.values[place]}" for v, place in here.fixed.items())
+        return f"{(yield (here.children[0], depth))} at {where}"
+    parts = []
+    for child in here.children:
+        parts.append((yield (child, depth)))
+    return _short(" × ".join(parts)) or "1"
+
+
+def _short(words: str) -> str:
+    return words if len(words) <= LONG else f"{words[: LONG // 2]} ... {words[-LONG // 2 :]}"

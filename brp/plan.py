@@ -1,0 +1,383 @@
+"""The numeric phase of section 3.4: a simplified question as straight-line numpy, compiled once, asked many times.
+
+The compiled function works with probabilities, not with logarithms: sums are then products of matrices. Two things
+keep it right where probabilities get small. Every few sums the numbers are scaled up again, and a total below
+`TINY` is not trusted: the function returns None, and the caller computes in logarithms (`brp.logs`). Whatever
+underflowed on the way to a total above `TINY` was smaller than the total by more than 50 powers of ten.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brp.expression import Conditional, Leaf, Node, Product, Slice, Split, Sum, climb, postorder
+from brp.logs import logarithms
+from brp.variables import Variable, cells
+
+__all__ = ["FOLD", "Compiled", "compiled", "foldable", "probabilities"]
+
+FOLD = 300_000
+"""The largest table, in numbers, that a part of a question (or all of it) is folded into when it is compiled."""
+
+TINY = 1e-250
+EFFORT = 20_000_000
+"""The most numbers that are computed to fill one such table."""
+LEAF = 8_000_000
+"""The largest density that is written out as a table; above, it is computed where it is asked."""
+SUMS = 8
+"""How many sums may follow one another before their result is scaled up."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """A function from the places of the known values to probabilities, or to None, and its source."""
+
+    run: Callable[[Sequence[int]], Array | None]
+    source: str
+
+
+def probabilities(start: Node, order: Sequence[Variable]) -> Array:
+    """All of ``start`` as an array with an axis for each of ``order``; nan where a question has no answer."""
+    shape = tuple(map(len, order))
+    quick = compiled(start, (), tuple(order)).run(())
+    values = quick if quick is not None else np.exp(logarithms(start, order))
+    return np.ascontiguousarray(np.broadcast_to(values, shape))
+
+
+def foldable(start: Node) -> dict[int, bool]:
+    """For each node below ``start``, by identity, whether it is small enough, with all inside it, to be a table."""
+    effort: dict[int, int] = {}
+    small: dict[int, bool] = {}
+    for here in postorder(start):
+        inside = cells(here.scope)
+        if isinstance(here, Sum):
+            inside *= cells(here.variables)
+        effort[id(here)] = inside + sum(effort[id(child)] for child in here.children)
+        small[id(here)] = cells(here.scope) <= FOLD and effort[id(here)] <= EFFORT
+    return small
+
+
+def compiled(start: Node, known: tuple[Variable, ...], order: tuple[Variable, ...]) -> Compiled:
+    """Compile ``start``: known values in, an array with an axis for each of ``order`` out.
+
+    An axis of a variable that ``start`` does not depend on has length 1.
+    """
+    return _Compiler(known).compile(start, order)
+
+
+class _Compiler:
+    """Turns an expression into the source of a Python function over named arrays."""
+
+    def __init__(self, known: tuple[Variable, ...], names: dict[str, Any] | None = None) -> None:
+        self.known = known
+        self.place = {v: f"i{number}" for number, v in enumerate(known)}
+        self.names: dict[str, Any] = {"np": np, "dot": np.dot, "TINY": TINY} if names is None else names
+        self.lines: list[str] = []
+        self.made: dict[tuple[int, tuple[Variable, ...], tuple[int, ...]], str] = {}
+        self.depth: dict[str, int] = {}
+        self.registers = 0
+        self.sources: list[str] = []
+        self.small: dict[int, bool] = {}
+        self.root: Node | None = None
+
+    def compile(self, start: Node, order: tuple[Variable, ...]) -> Compiled:
+        self.root = start
+        self.small = foldable(start)
+        shape = tuple(len(v) if v in start.scope else 1 for v in order)
+        result = climb(self._emit, start, order, shape, False)
+        source, run = self._function("ask", result)
+        return Compiled(run, "\n\n".join([*self.sources, source]))
+
+    def _function(self, name: str, result: str) -> tuple[str, Callable[[Sequence[int]], Array | None]]:
+        body = list(self.lines)
+        if self.known:
+            body.insert(0, f"{', '.join(self.place.values())}, = e")
+        source = "\n    ".join([f"def {name}(e):", *body, f"return {result}"])
+        space: dict[str, Any] = {}
+        exec(compile(source, "<plan>", "exec"), self.names, space)  # noqa: S102  (our own text: straight-line numpy)
+        return source, space[name]
+
+    # What can be folded.
+
+    def _free(self, here: Node) -> set[Variable]:
+        return {v for v in here.scope if v not in self.place}
+
+    def _folds(self, here: Node) -> bool:
+        if isinstance(here, Leaf):
+            return cells(here.scope) <= LEAF
+        # With nothing known, and of the whole, a fold would be the very computation that is being compiled.
+        return bool(self.known) and here is not self.root and self.small[id(here)]
+
+    # Lines of source.
+
+    def _register(self, code: str) -> str:
+        name = f"r{self.registers}"
+        self.registers += 1
+        self.lines.append(f"{name} = {code}")
+        return name
+
+    def _constant(self, value: Any) -> str:
+        name = f"t{len(self.names)}"
+        self.names[name] = value
+        return name
+
+    def _emit(
+        self, here: Node, order: tuple[Variable, ...], shape: tuple[int, ...], scale: bool
+    ) -> Generator[tuple[Any, ...], str, str]:
+        """The name of an array of ``shape`` that holds ``here`` with the axes of ``order``.
+
+        ``order`` has every free variable of the node (others have length 1), and ``shape`` is that array reshaped.
+        ``scale``: whether the array may be multiplied by any one number.
+        """
+        key = (id(here), order, shape)
+        if key not in self.made:
+            if self._folds(here):
+                self.made[key] = self._table(here, order, shape, scale)
+            elif isinstance(here, Leaf):
+                self.made[key] = self._density(here, order, shape)
+            elif isinstance(here, Sum):
+                self.made[key] = yield from self._sum(here, order, shape, scale)
+            elif isinstance(here, Split):
+                self.made[key] = yield from self._split(here, order, shape, scale)
+            elif isinstance(here, Conditional):
+                self.made[key] = yield from self._conditional(here, order, shape)
+            elif isinstance(here, Slice):
+                self.made[key] = yield from self._slice(here, order, shape)
+            else:
+                assert isinstance(here, Product)
+                self.made[key] = yield from self._product(here.children, order, shape, scale)
+        return self.made[key]
+
+    def _table(self, here: Node, order: tuple[Variable, ...], shape: tuple[int, ...], scale: bool) -> str:
+        """A table, the known variables first: what is asked of it is one contiguous piece."""
+        known = tuple(v for v in self.known if v in here.scope)
+        axes = (*known, *(v for v in order if v in here.scope))
+        values = np.exp(logarithms(here, axes)) if isinstance(here, Leaf) else probabilities(here, axes)
+        if scale:
+            rest = tuple(range(len(known), len(axes)))
+            largest = values.max(axis=rest, keepdims=True)
+            values = values / np.where(largest > 0, largest, 1.0)  # nan stays, and is found at the end
+        table = np.ascontiguousarray(values).reshape(tuple(map(len, known)) + shape)
+        name = self._constant(table)
+        return self._register(f"{name}[{', '.join(self.place[v] for v in known)}]") if known else name
+
+    def _density(self, here: Leaf, order: tuple[Variable, ...], shape: tuple[int, ...]) -> str:
+        """A density too large for a table, computed where it is asked."""
+        axes = tuple(v for v in order if v in here.scope)
+        mesh = dict(zip(axes, np.ix_(*(np.arange(len(v)) for v in axes)), strict=True))
+        arguments = []
+        for v in here.density.scope:
+            if v in here.fixed:
+                arguments.append(str(here.fixed[v]))
+            else:
+                arguments.append(self.place[v] if v in self.place else self._constant(mesh[v]))
+        log = self._constant(here.density.log)
+        full = tuple(map(len, axes))
+        return self._register(f"np.broadcast_to(np.exp({log}({', '.join(arguments)})), {full}).reshape({shape})")
+
+    def _product(
+        self, children: Sequence[Node], order: tuple[Variable, ...], shape: tuple[int, ...], scale: bool
+    ) -> Generator[tuple[Any, ...], str, str]:
+        if len(children) == 1:
+            return (yield (children[0], order, shape, scale))
+        names = []
+        for child in sorted(children, key=lambda child: cells(self._free(child))):
+            own = tuple(len(v) if v in child.scope else 1 for v in order)
+            names.append((yield (child, order, own, scale)))
+        if not names:
+            return self._constant(np.ones(shape))
+        result = self._register(" * ".join(names))
+        self.depth[result] = max(self.depth.get(name, 0) for name in names)
+        return self._reshaped(result, tuple(self._length(children, v) for v in order), shape)
+
+    def _length(self, nodes: Sequence[Node], variable: Variable) -> int:
+        return len(variable) if any(variable in n.scope for n in nodes) else 1
+
+    def _reshaped(self, name: str, now: tuple[int, ...], shape: tuple[int, ...]) -> str:
+        if now == shape:
+            return name
+        result = self._register(f"{name}.reshape({shape})")
+        self.depth[result] = self.depth.get(name, 0)
+        return result
+
+    def _sum(
+        self, here: Sum, order: tuple[Variable, ...], shape: tuple[int, ...], scale: bool
+    ) -> Generator[tuple[Any, ...], str, str]:
+        child = here.children[0]
+        if isinstance(child, Split) and child.variable in here.variables:
+            rest = tuple(v for v in here.variables if v != child.variable)
+            natural = tuple(len(v) if v in here.scope else 1 for v in order)
+            names = []
+            for branch in child.children:
+                part = Sum(rest, branch) if rest else branch
+                self.small |= foldable(part)
+                self.names[f"keep{len(self.names)}"] = part  # its id is a key of `made`
+                own = tuple(len(v) if v in part.scope else 1 for v in order)
+                names.append((yield (part, order, own, False)))
+            return self._reshaped(self._register(" + ".join(names)), natural, shape)
+        result = yield from self._contract(child, here.variables, order, shape, scale)
+        depth = self.depth.get(result, 0) + 1
+        if scale and depth >= SUMS:
+            largest = self._register(f"{result}.max()")
+            self.lines.append(f"if not {largest} > TINY: return None")
+            result = self._register(f"{result} / {largest}")
+            depth = 0
+        self.depth[result] = depth
+        return result
+
+    def _contract(
+        self,
+        child: Node,
+        variables: tuple[Variable, ...],
+        order: tuple[Variable, ...],
+        shape: tuple[int, ...],
+        scale: bool,
+    ) -> Generator[tuple[Any, ...], str, str]:
+        """The sum of a product over ``variables``: small factors make weights, one matrix product does the rest."""
+        summed = tuple(v for v in variables if v in child.scope)
+        absent = cells(v for v in variables if v not in child.scope)
+        members = child.children if isinstance(child, Product) and not self._folds(child) else (child,)
+        big = max(members, key=lambda member: cells(self._free(member)), default=child)
+        small = tuple(member for member in members if member is not big)
+        light: set[Variable] = set().union(*(self._free(member) for member in small))
+        heavy = self._free(big)
+        shared = tuple(v for v in summed if v in light and v in heavy)
+        if len(shared) < len(variables) or not small:
+            # One factor alone, or sums that the two sides do not share.
+            inner = (*order, *summed)
+            lengths = tuple(self._length(members, v) for v in inner)
+            product = yield from self._product(members, inner, lengths, scale)
+            axes = tuple(range(len(order), len(inner)))
+            result = self._register(f"{product}.sum({axes})" + (f" * {absent}" if absent != 1 else ""))
+            self.depth[result] = self.depth.get(product, 0)
+            return self._reshaped(result, lengths[: len(order)], shape)
+        both = tuple(v for v in order if v in light and v in heavy)
+        rows = tuple(v for v in order if v in light and v not in heavy)
+        columns = tuple(v for v in order if v in heavy and v not in light)
+        m, n, s = cells(rows), cells(columns), cells(shared)
+        batch = (cells(both),) if both else ()
+        left_shape = (*batch, *((m,) if rows else ()), s)
+        right_shape = (*batch, s, *((n,) if columns else ()))
+        if both:
+            left_shape, right_shape = (*batch, m, s), (*batch, s, n)
+        left = yield from self._product(small, (*both, *rows, *shared), left_shape, scale)
+        right = yield (big, (*both, *shared, *columns), right_shape, scale)
+        result = self._register(f"{'np.matmul' if both else 'dot'}({left}, {right})")
+        self.depth[result] = max(self.depth.get(left, 0), self.depth.get(right, 0))
+        now = (*both, *rows, *columns)
+        made = (*batch, *((m,) if rows or both else ()), *((n,) if columns or both else ()))
+        wanted = tuple(v for v in order if v in now)
+        if wanted != now:
+            lengths = tuple(map(len, now))
+            result = self._reshaped(result, made, lengths)
+            turned = self._register(f"{result}.transpose({tuple(now.index(v) for v in wanted)})")
+            self.depth[turned] = self.depth.get(result, 0)
+            result, made = turned, tuple(map(len, wanted))
+        return self._reshaped(result, made, shape)
+
+    def _split(
+        self, here: Split, order: tuple[Variable, ...], shape: tuple[int, ...], scale: bool
+    ) -> Generator[tuple[Any, ...], str, str]:
+        if here.variable in self.place:
+            return self._choice(here, order, shape, scale)
+        # The command variable is searched, or summed further out: the cases side by side.
+        lengths = tuple(len(v) if v in here.scope else 1 for v in order)
+        axis = order.index(here.variable)
+        result = self._register(f"np.empty({lengths})")
+        for number, branch in enumerate(here.children):
+            own = tuple(len(v) if v in branch.scope else 1 for v in order)
+            name = yield (branch, order, own, False)
+            at = ", ".join([*(":" for _ in range(axis)), f"{number}:{number + 1}"])
+            self.lines.append(f"{result}[{at}] = {name}")
+        return self._reshaped(result, lengths, shape)
+
+    def _choice(self, here: Split, order: tuple[Variable, ...], shape: tuple[int, ...], scale: bool) -> str:
+        """A function for each value of a known command variable."""
+        functions = []
+        natural = tuple(len(v) if v in here.scope else 1 for v in order)
+        for number, branch in enumerate(here.children):
+            inner = _Compiler(self.known, self.names)
+            inner.small = self.small
+            own = tuple(len(v) if v in branch.scope else 1 for v in order)
+            result = climb(inner._emit, branch, order, own, scale)
+            if own != natural:
+                result = inner._register(f"np.broadcast_to({result}, {natural})")
+            source, run = inner._function(f"case{number}", result)
+            self.sources.extend([*inner.sources, source])
+            functions.append(run)
+        cases = self._constant(tuple(functions))
+        result = self._register(f"{cases}[{self.place[here.variable]}](e)")
+        self.lines.append(f"if {result} is None: return None")
+        return self._reshaped(result, natural, shape)
+
+    def _conditional(
+        self, here: Conditional, order: tuple[Variable, ...], shape: tuple[int, ...]
+    ) -> Generator[tuple[Any, ...], str, str]:
+        outside = [v for v in here.variables if v in self.place]
+        if outside:
+            return self._asked_within(here, outside, order, shape)
+        child = here.children[0]
+        rest = tuple(v for v in order if v in here.scope and v not in here.variables)
+        inner = (*rest, *here.variables)
+        own = tuple(len(v) if v in child.scope else 1 for v in inner)
+        name = yield (child, inner, own, True)
+        full = tuple(map(len, inner))
+        if own != full:
+            name = self._register(f"np.broadcast_to({name}, {full})")
+        searched = cells(here.variables)
+        ones = self._constant(np.ones(searched))
+        if rest:
+            flat = (*full[: len(rest)], searched)
+            name = self._reshaped(name, full, flat)
+            total = self._register(f"dot({name}, {ones})")
+            self.lines.append(f"if not ({total} > TINY).all(): return None")
+            result = self._register(f"{name} / {total}[..., None]")
+        else:
+            flat = (searched,)
+            name = self._reshaped(name, full, flat)
+            total = self._register(f"dot({name}, {ones})")
+            self.lines.append(f"if not {total} > TINY: return None")
+            result = self._register(f"{name} / {total}")
+        wanted = tuple(v for v in order if v in here.scope)
+        if wanted != inner:
+            result = self._reshaped(result, flat, full)
+            result = self._register(f"{result}.transpose({tuple(inner.index(v) for v in wanted)})")
+            return self._reshaped(result, tuple(map(len, wanted)), shape)
+        return self._reshaped(result, flat, shape)
+
+    def _asked_within(
+        self, here: Conditional, own: list[Variable], order: tuple[Variable, ...], shape: tuple[int, ...]
+    ) -> str:
+        """A question whose searched variables are known around it: normalised first, by a function of its own."""
+        known = tuple(v for v in self.known if v not in own)
+        inner = _Compiler(known, self.names)
+        inner.small = self.small
+        full = (*own, *order)
+        lengths = tuple(len(v) if v in here.scope else 1 for v in full)
+        source, run = inner._function("within", climb(inner._emit, here, full, lengths, False))
+        self.sources.extend([*inner.sources, source])
+        answer = self._register(f"{self._constant(run)}(({''.join(f'{self.place[v]}, ' for v in known)}))")
+        self.lines.append(f"if {answer} is None: return None")
+        result = self._register(f"{answer}[{', '.join(self.place[v] for v in own)}]")
+        return self._reshaped(result, lengths[len(own) :], shape)
+
+    def _slice(
+        self, here: Slice, order: tuple[Variable, ...], shape: tuple[int, ...]
+    ) -> Generator[tuple[Any, ...], str, str]:
+        child = here.children[0]
+        # A known command variable is at this place already: the slice stands in the case for it.
+        fixed = {v: place for v, place in here.fixed.items() if v not in self.place}
+        if not fixed:
+            return (yield (child, order, shape, False))
+        inner = (*fixed, *(v for v in order if v not in fixed))
+        own = tuple(len(v) if v in child.scope else 1 for v in inner)
+        name = yield (child, inner, own, False)
+        result = self._register(f"{name}[{', '.join(str(place) for place in fixed.values())}]")
+        return self._reshaped(result, own[len(fixed) :], shape)

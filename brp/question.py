@@ -1,0 +1,216 @@
+"""Questions: P(Searched | Known) of a description, simplified and compiled once, answered for each evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brp.distribution import Distribution
+from brp.errors import EvidenceError, ImpossibleEvidence, QuestionError, SpecificationError, TooLarge
+from brp.expression import Leaf, Subroutine, postorder
+from brp.factors import Factor, label
+from brp.forms import Form
+from brp.formula import formula
+from brp.logs import logarithms
+from brp.plan import compiled, foldable, probabilities
+from brp.simplification import Simplified, simplify
+from brp.variables import Term, Variable, cells, text
+
+if TYPE_CHECKING:
+    from brp.description import Description
+
+__all__ = ["LARGEST", "Question"]
+
+LARGEST = 256_000_000
+"""The bytes that the largest array of a question may have, unless told otherwise."""
+
+
+class Question(Form):
+    """P(Searched | Known): call it with the known values by keyword, and it answers a `Distribution`.
+
+    It is also a form, the paper's Bayesian subroutine: a conditional distribution, normalised for every value of
+    its known variables. `renamed` gives it other variables for that purpose.
+    """
+
+    def __init__(self, description: Description, term: Term, largest: int = LARGEST) -> None:
+        missing = [v for v in term.variables if v not in description.variables]
+        if missing:
+            raise QuestionError(
+                f"{description} has no variable {text(missing)}; it has {text(description.variables)}"
+            )
+        self.term = term
+        self.searched, self.known = term.of, term.given
+        self.names = description.names
+        self.simplified: Simplified = simplify(description.relevant(term), self.searched, self.known, self.name)
+        if self.simplified.largest * 8 > largest:
+            raise TooLarge(
+                f"{self.name} needs an array of {self.simplified.largest * 8 / 1e6:.0f} MB, more than the "
+                f"{largest / 1e6:.0f} MB allowed, and {self.simplified.operations:.2g} multiplications; know or "
+                "search fewer variables together, or raise largest="
+            )
+        self._shape = tuple(map(len, self.searched))
+        self._table: NDArray[np.float64] | None = None
+        if foldable(self.simplified.start)[id(self.simplified.start)]:
+            # Every answer at once; a call then only looks it up, and keeps what it made of it.
+            table = probabilities(self.simplified.start, (*self.known, *self.searched))
+            self._table = table.reshape(-1, *self._shape)
+            self._answers: list[Distribution | None] = [None] * len(self._table)
+            self.source = "# every answer is in a table"
+        else:
+            plan = compiled(self.simplified.start, self.known, self.searched)
+            self._run, self.source = plan.run, plan.source
+        strides = [cells(self.known[number + 1 :]) for number in range(len(self.known))]
+        self._steps = [
+            (
+                v.keyword,
+                {value: place * stride for value, place in v.places.items()}
+                if self._table is not None
+                else v.places,
+            )
+            for v, stride in zip(self.known, strides, strict=True)
+        ]
+
+    @property
+    def name(self) -> str:
+        """``P(Vrot | Prox Dir delta-push pi-obstacle)``: as the paper writes it, in the order asked."""
+        return label(self.searched, self.known, self.names)
+
+    def __call__(self, **known: Any) -> Distribution:
+        """The distribution over the searched variables, the known ones having these values.
+
+        Raises `NotAValue` or `EvidenceError` for evidence that does not fit, `ImpossibleEvidence` when it has
+        probability zero.
+        """
+        try:
+            if self._table is not None:
+                cell = 0
+                for keyword, steps in self._steps:
+                    cell += steps[known[keyword]]
+            else:
+                places = [steps[known[keyword]] for keyword, steps in self._steps]
+        except (KeyError, TypeError):
+            raise self._refusal(known) from None
+        if len(self._steps) != len(known):
+            raise self._refusal(known)
+        if self._table is not None:
+            return self._answers[cell] or self._answer(cell, known)
+        p = self._run(places)
+        return Distribution(self.searched, p.reshape(self._shape) if p is not None else self._slowly(known))
+
+    def _answer(self, cell: int, known: Mapping[str, Any]) -> Distribution:
+        assert self._table is not None
+        p = self._table[cell]
+        if np.isnan(p).any():
+            p = self._slowly(known)
+        answer = self._answers[cell] = Distribution(self.searched, p)
+        return answer
+
+    def _places(self, known: Mapping[str, Any]) -> dict[Variable, int]:
+        return {variable: variable.place(known[variable.keyword]) for variable in self.known}
+
+    def _slowly(self, known: Mapping[str, Any]) -> NDArray[np.float64]:
+        """The answer in logarithms; raises `ImpossibleEvidence` when there is none."""
+        places = self._places(known)
+        logs = logarithms(self.simplified.start, self.searched, places)
+        if np.isnan(logs).any():
+            raise self._impossible(places)
+        p: NDArray[np.float64] = np.exp(np.broadcast_to(logs, self._shape))
+        total: float = p.sum()
+        return p / total
+
+    def _refusal(self, known: Mapping[str, Any]) -> EvidenceError:
+        """What is wrong with the evidence, as a sentence."""
+        wanted = {v.keyword: v for v in self.known}
+        missing = [v for keyword, v in wanted.items() if keyword not in known]
+        if missing:
+            return EvidenceError(f"{self.name} must be told {text(missing)}")
+        extra = [keyword for keyword in known if keyword not in wanted]
+        if extra:
+            return EvidenceError(
+                f"{self.name} does not know {text(extra)}; it knows {text(self.known) or 'nothing'}"
+            )
+        try:
+            self._places(known)
+        except EvidenceError as error:
+            return type(error)(f"{error}, in {self.name}")
+        raise AssertionError("evidence was refused that fits")
+
+    def _impossible(self, places: Mapping[Variable, int]) -> ImpossibleEvidence:
+        """Name the fewest terms that exclude the evidence: leave out each without which it stays excluded."""
+        (product,) = self.simplified.start.children
+        leaves = [n for n in postorder(product) if isinstance(n, Leaf) and n.density.vanishes]
+        innocent: frozenset[Any] = frozenset()
+        for density in dict.fromkeys(leaf.density for leaf in leaves):
+            logs = logarithms(product, self.searched, places, innocent | {density})
+            if np.isnan(logs).any() or np.isneginf(logs).all():
+                innocent |= {density}
+        guilty = tuple(dict.fromkeys(str(leaf.density) for leaf in leaves if leaf.density not in innocent))
+        said = ", ".join(f"{v} = {v.values[place]}" for v, place in places.items())
+        together = "excludes it" if len(guilty) == 1 else "together exclude it"
+        return ImpossibleEvidence(
+            f"{said or 'nothing known'} is impossible in {self.name}: {' and '.join(guilty)} {together}", guilty
+        )
+
+    # As a form.
+
+    def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
+        """The question as a factor of another description."""
+        return _subroutine(self, {}, term)
+
+    def renamed(self, new: Mapping[Variable, Variable]) -> Form:
+        """The question as a form over other variables: ``{Theta1: Theta2}`` reads Theta2 where it knew Theta1."""
+        return _Renamed(self, new)
+
+    def __str__(self) -> str:
+        written = formula(self.simplified)
+        return self.name if written in (self.name, "1") else f"{self.name}\n= {written}"
+
+    def __repr__(self) -> str:
+        return f"<Question {self.name}>"
+
+
+class _Renamed(Form):
+    """A question over other variables."""
+
+    def __init__(self, question: Question, new: Mapping[Variable, Variable]) -> None:
+        for old, variable in new.items():
+            if old not in question.term.variables:
+                raise SpecificationError(f"{question.name} has no {old} to be renamed")
+            if old.values != variable.values:
+                raise SpecificationError(f"{old} cannot be renamed {variable}: their values differ")
+        self.question = question
+        self.new = dict(new)
+
+    def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
+        """The question as a factor, its variables renamed."""
+        return _subroutine(self.question, self.new, term)
+
+    def __repr__(self) -> str:
+        return f"{self.question!r} with {', '.join(f'{new} for {old}' for old, new in self.new.items())}"
+
+
+def _subroutine(question: Question, new: Mapping[Variable, Variable], term: Term) -> Factor:
+    searched = tuple(new.get(v, v) for v in question.searched)
+    known = tuple(new.get(v, v) for v in question.known)
+    if set(searched) != set(term.of):
+        raise SpecificationError(
+            f"{question.name} answers about {text(searched)}, and {term} wants {text(term.of)}"
+        )
+    foreign = [v for v in known if v not in term.given]
+    if foreign:
+        raise SpecificationError(
+            f"{question.name} must know {text(foreign)}, which {term} does not give; renamed() can read another "
+            "variable"
+        )
+    simplified = question.simplified
+    # What the question sums out is its own: hidden from every variable of the same name around it.
+    everything = {v for n in postorder(simplified.start) for v in (*n.scope, *getattr(n, "variables", ()))}
+    hidden = {v: v.hidden() for v in everything if v not in question.term.variables}
+    opened = None if simplified.division else simplified.kept
+    plain = Subroutine(
+        question.searched, question.known, question.names, simplified.start, opened, tuple(simplified.summed)
+    )
+    return plain.renamed({**hidden, **new})

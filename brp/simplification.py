@@ -1,0 +1,304 @@
+"""The symbolic phase of section 3.4: from E3.11 to the fewest sums and products that still answer the question.
+
+For P(Searched | Known), over the product of the decomposition's terms [E3.11]:
+
+1. terms over unknown variables that nothing else depends on sum to 1 and vanish;
+2. uniform terms are constants and vanish into the normalisation;
+3. terms whose variables are all known are constants as well. (One that may be zero is kept, for what it says is
+   impossible must stay impossible.);
+4. terms over searched and known variables only leave the sum [E3.14];
+5. what remains falls into parts that share no unknown variable, and each is summed one variable after the other,
+   the cheapest next (generalised distributive law);
+6. a Switch is never written out as a table over all that its cases depend on: the sum over its command variable
+   becomes a sum of cases, and steps 1 to 5 are done again within each of them.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from brp.expression import Conditional, Leaf, Node, Product, Slice, Split, Subroutine, Sum, at, node
+from brp.factors import Cases, Factor, Flat
+from brp.variables import Variable, cells
+
+__all__ = ["Simplified", "simplify"]
+
+
+@dataclass(frozen=True)
+class Simplified:
+    """A question after its simplification, with the account of it.
+
+    ``start`` is the answer, an expression over searched and known variables, divided by its sum over the searched
+    ones; ``division`` says whether that sum is anything but 1. ``largest`` is the size of the largest array, in
+    numbers, once the known values are put in; ``operations`` counts multiplications.
+    """
+
+    start: Conditional
+    division: bool
+    kept: tuple[Factor, ...]
+    summed: tuple[Variable, ...]
+    vanished: tuple[Factor, ...]
+    flat: tuple[Factor, ...]
+    constant: tuple[Factor, ...]
+    outside: tuple[Factor, ...]
+    order: tuple[Variable, ...]
+    largest: int
+    operations: int
+
+
+@dataclass
+class Account:
+    """What the elimination costs, and the order that it took."""
+
+    known: frozenset[Variable]
+    order: list[Variable] = field(default_factory=list)
+    largest: int = 1
+    operations: int = 0
+
+    def count(self, scope: Iterable[Variable], result: Iterable[Variable]) -> None:
+        """One product over ``scope`` of which an array over ``result`` is kept."""
+        self.operations += cells(v for v in scope if v not in self.known)
+        self.largest = max(self.largest, cells(v for v in result if v not in self.known))
+
+
+def simplify(
+    factors: Sequence[Factor], searched: tuple[Variable, ...], known: tuple[Variable, ...], name: str
+) -> Simplified:
+    """Simplify P(searched | known) over the product of ``factors``; every other variable is unknown.
+
+    ``name`` is the question's, for refusals.
+    """
+    opened = _open(factors)
+    given = frozenset(known)
+    unknown = [v for v in _scope(opened) if v not in given and v not in searched]
+
+    kept, vanished = _drop_sums_to_one(opened, frozenset(unknown))
+    flat = [factor for factor in kept if isinstance(factor, Flat)]
+    # Of a searched or unknown variable, a uniform term may be all that makes the product a distribution.
+    division = any(not given.issuperset(factor.of) for factor in flat)
+    if any(isinstance(factor, Cases) for factor in kept):
+        # Where some cases depend on a variable and others do not, its uniform term is what makes them comparable.
+        flat = [factor for factor in flat if not set(factor.of).intersection(unknown)]
+        division = any(not given.issuperset(factor.of) for factor in flat)
+    kept = [factor for factor in kept if factor not in flat]
+    constant = [factor for factor in kept if given.issuperset(factor.scope)]
+    kept = [factor for factor in kept if not given.issuperset(factor.scope) or factor.vanishes]
+    division = division or any(given.intersection(factor.of) for factor in kept)
+
+    nodes = [node(factor) for factor in kept]
+    summed = tuple(v for v in unknown if any(v in n.scope for n in nodes))
+    outside = tuple(
+        f for f, n in zip(kept, nodes, strict=True) if not n.scope.intersection(unknown) and f not in constant
+    )
+    account = Account(given)
+    parts = [
+        part
+        for part in _reduce(nodes, summed, account)
+        # A part about known values only is a constant too; it matters when it can be zero.
+        if part.vanishes or not given.issuperset(part.scope)
+    ]
+    product = parts[0] if len(parts) == 1 else Product(tuple(parts))
+    division = division or not product.scope.issuperset(searched)
+    start = Conditional(searched, product, name)
+    account.count(start.scope, start.scope)
+    return Simplified(
+        start,
+        division,
+        tuple(kept),
+        summed,
+        tuple(vanished),
+        tuple(flat),
+        tuple(constant),
+        outside,
+        tuple(account.order),
+        account.largest,
+        account.operations,
+    )
+
+
+def _open(factors: Iterable[Factor]) -> list[Factor]:
+    """Subroutines whose product is a distribution already are replaced by its factors."""
+    opened: list[Factor] = []
+    for factor in factors:
+        if isinstance(factor, Subroutine) and factor.opened is not None:
+            opened.extend(_open(factor.opened))
+        elif isinstance(factor, Flat):
+            # A uniform conjunction is a product of uniform variables, each of which can be dropped by itself.
+            opened.extend(Flat((variable,), (), factor.names) for variable in factor.of)
+        else:
+            opened.append(factor)
+    return opened
+
+
+def _scope(factors: Iterable[Factor]) -> list[Variable]:
+    """The variables of all factors, by first appearance."""
+    return list(dict.fromkeys(v for factor in factors for v in factor.scope))
+
+
+def _drop_sums_to_one(factors: Sequence[Factor], unknown: frozenset[Variable]) -> tuple[list[Factor], list[Factor]]:
+    """Step 1, as long as there are any; a term that has gone sets free those right of its bar."""
+    uses: dict[Variable, int] = {}
+    defined: dict[Variable, int] = {}
+    for number, factor in enumerate(factors):
+        for variable in factor.scope:
+            uses[variable] = uses.get(variable, 0) + 1
+        for variable in factor.of:
+            defined[variable] = number
+
+    def sums_to_one(factor: Factor) -> bool:
+        return all(variable in unknown and uses[variable] == 1 for variable in factor.of)
+
+    gone: set[int] = set()
+    vanished: list[Factor] = []
+    waiting = list(range(len(factors)))[::-1]
+    while waiting:
+        number = waiting.pop()
+        factor = factors[number]
+        if number in gone or not sums_to_one(factor):
+            continue
+        gone.add(number)
+        vanished.append(factor)
+        for variable in factor.scope:
+            uses[variable] -= 1
+        waiting.extend(defined[variable] for variable in factor.given if variable in defined)
+    return [factor for number, factor in enumerate(factors) if number not in gone], vanished
+
+
+def _reduce(nodes: Sequence[Node], unknown: Sequence[Variable], account: Account) -> list[Node]:
+    """The sum over ``unknown`` of the product of ``nodes``, as factors that no unknown variable joins."""
+    outside = [n for n in nodes if not n.scope.intersection(unknown)]
+    inside = [n for n in nodes if n.scope.intersection(unknown)]
+    for part in _parts(inside, frozenset(unknown)):
+        outside.extend(_eliminate(part, [v for v in unknown if any(v in n.scope for n in part)], account))
+    return outside
+
+
+def _parts(nodes: Sequence[Node], unknown: frozenset[Variable]) -> list[list[Node]]:
+    """Nodes that an unknown variable joins, directly or through others, stand together."""
+    users: dict[Variable, list[int]] = {}
+    for number, n in enumerate(nodes):
+        for variable in n.scope & unknown:
+            users.setdefault(variable, []).append(number)
+    part_of: dict[int, int] = {}
+    parts: list[list[int]] = []
+    for number in range(len(nodes)):
+        if number in part_of:
+            continue
+        part_of[number] = len(parts)
+        part = [number]
+        for member in part:
+            for variable in nodes[member].scope & unknown:
+                for other in users[variable]:
+                    if other not in part_of:
+                        part_of[other] = len(parts)
+                        part.append(other)
+        parts.append(part)
+    return [[nodes[number] for number in sorted(part)] for part in parts]
+
+
+def _eliminate(nodes: Sequence[Node], unknown: Sequence[Variable], account: Account) -> list[Node]:
+    """Sum one joined part over ``unknown``: what no Switch depends on first, then case by case."""
+    blocked = {v for n in nodes if isinstance(n, Split) for v in n.scope}
+    pool = _sum_out(nodes, [v for v in unknown if v not in blocked], account)
+    left = [v for v in unknown if v in blocked]
+    if not left:
+        return pool
+    commands = [n.variable for n in pool if isinstance(n, Split)]
+    command = max(dict.fromkeys(commands), key=commands.count)
+    touched = [n for n in pool if command in n.scope or n.scope.intersection(left)]
+    free = [n for n in pool if not any(n is other for other in touched)]
+    rest = [v for v in left if v != command]
+    made: list[Node] = []
+    for place in range(len(command)):
+        here = [at(n, command, place) for n in touched]
+        reduced = _reduce(_without_sums_to_one(here, rest), rest, account)
+        made.append(reduced[0] if len(reduced) == 1 else Product(tuple(reduced)))
+    split: Node = Split(command, tuple(made))
+    if command in unknown:
+        account.order.append(command)
+        account.count(split.scope, split.scope - {command})
+        split = Sum((command,), split)
+    return [*free, split]
+
+
+def _without_sums_to_one(nodes: list[Node], unknown: Sequence[Variable]) -> list[Node]:
+    """Step 1 within a case: a density whose left side nothing here depends on any more."""
+    nodes = list(nodes)
+    changed = True
+    while changed:
+        changed = False
+        for n in nodes:
+            of = _left(n)
+            if of and of.issubset(unknown) and not any(of & other.scope for other in nodes if other is not n):
+                nodes.remove(n)
+                changed = True
+                break
+    return nodes
+
+
+def _left(n: Node) -> frozenset[Variable]:
+    """What is left of a node's bar, when it still is a distribution over that."""
+    if isinstance(n, Leaf):
+        return frozenset(n.density.of) if n.scope.issuperset(n.density.of) else frozenset()
+    if isinstance(n, Conditional):
+        return frozenset(n.variables)
+    if isinstance(n, Split):
+        lefts = {_left(branch) for branch in n.children}
+        return lefts.pop() if len(lefts) == 1 else frozenset()
+    if isinstance(n, Slice) and isinstance(n.children[0], Conditional):
+        left = frozenset(n.children[0].variables)
+        return left if not left.intersection(n.fixed) else frozenset()
+    return frozenset()
+
+
+def _sum_out(nodes: Sequence[Node], unknown: Sequence[Variable], account: Account) -> list[Node]:
+    """Step 5: sum over ``unknown``, each time the variable whose product is smallest."""
+    pool: dict[int, Node] = dict(enumerate(nodes))
+    users: dict[Variable, set[int]] = {v: {k for k, n in pool.items() if v in n.scope} for v in unknown}
+    rank = {v: number for number, v in enumerate(unknown)}
+    size: dict[Variable, int] = {}
+
+    def weigh(variable: Variable) -> int:
+        scope: frozenset[Variable] = frozenset().union(*(pool[k].scope for k in users[variable]))
+        size[variable] = cells(v for v in scope if v not in account.known)
+        return size[variable]
+
+    heap = [(weigh(v), rank[v], v) for v in unknown]
+    heapq.heapify(heap)
+    number = len(pool)
+    while heap:
+        weight, _, variable = heapq.heappop(heap)
+        if variable not in users or weight != size[variable]:
+            continue
+        bucket = sorted(users.pop(variable))
+        factors = [pool.pop(k) for k in bucket]
+        made = _sum(factors, variable)
+        account.order.append(variable)
+        account.operations += weight
+        account.count((), made.scope)
+        pool[number] = made
+        near = {v for v in made.scope if v in users}
+        for v in near:
+            users[v].difference_update(bucket)
+            users[v].add(number)
+        for v in sorted(near, key=rank.__getitem__):
+            heapq.heappush(heap, (weigh(v), rank[v], v))
+        number += 1
+    return [pool[k] for k in sorted(pool)]
+
+
+def _sum(factors: Sequence[Node], variable: Variable) -> Sum:
+    """The sum of a product; joined with a sum inside it when that needs no larger product.
+
+    So variables that share a big table are summed together: one array of weights, one pass over the table.
+    """
+    for inner in factors:
+        if isinstance(inner, Sum):
+            product = inner.children[0]
+            others = [f for f in factors if f is not inner]
+            if others and not isinstance(product, Split) and all(f.scope <= product.scope for f in others):
+                members = product.children if isinstance(product, Product) else (product,)
+                return Sum((*inner.variables, variable), Product((*members, *others)))
+    return Sum((variable,), factors[0] if len(factors) == 1 else Product(tuple(factors)))
