@@ -50,6 +50,7 @@ __all__ = [
     "Pose",
     "Recording",
     "Tick",
+    "Value",
     "read_manifest",
     "read_ticks",
 ]
@@ -65,6 +66,9 @@ HOST_COLUMNS = ("work_ms", "late_ms", "wall")
 
 _PACKAGES = ("numpy", "scipy", "pymunk", "pyserial", "python-statemachine", "rerun-sdk")
 
+Value = int | float | str
+"""A variable's value: a number or one of the paper's words."""
+
 Pose = tuple[float, float, float]
 """x and y in metres, theta in radians, counter-clockwise; x right, y up."""
 
@@ -79,7 +83,7 @@ class Answer:
 
     question: str
     variables: tuple[str, ...]
-    values: tuple[tuple[int | str, ...], ...]
+    values: tuple[tuple[Value, ...], ...]
     p: NDArray[np.float64]
 
     def digest(self) -> str:
@@ -99,11 +103,11 @@ class Tick:
     t: float
     raw: dict[str, str] = field(default_factory=dict)
     orders: list[str] = field(default_factory=list)
-    evidence: dict[str, int | str] = field(default_factory=dict)
+    evidence: dict[str, Value] = field(default_factory=dict)
     clipped: dict[str, int] = field(default_factory=dict)
     answers: dict[str, Answer] = field(default_factory=dict)
     u: dict[str, float] = field(default_factory=dict)
-    draws: dict[str, int | str] = field(default_factory=dict)
+    draws: dict[str, Value] = field(default_factory=dict)
     command: tuple[int, int] | None = None
     events: list[tuple[str, str]] = field(default_factory=list)
     missed: int = 0
@@ -396,7 +400,9 @@ def _pose(value: Any) -> Pose:
     return _finite(x), _finite(y), _finite(theta)
 
 
-def _value(value: Any) -> int | str:
+def _value(value: Any) -> Value:
     if isinstance(value, (int, str)):
         return value
-    raise TypeError(f"{value!r} is neither a whole number nor a word")
+    if isinstance(value, float):
+        return _finite(value)
+    raise TypeError(f"{value!r} is neither a number nor a word")

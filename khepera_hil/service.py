@@ -35,7 +35,7 @@ class Witness(Protocol):
         """The robot's true pose."""
 
     def poses(self) -> Mapping[str, Pose]:
-        """The true poses of everything that can be moved."""
+        """The true poses of everything that moves or can be moved, the robot (``robot``) among it."""
 
 
 class Service:
@@ -75,7 +75,7 @@ class Service:
         self._told: dict[str, Pose] = {}
         self._shapes = {
             key: (
-                str(question),
+                question.name,
                 tuple(v.name for v in question.searched),
                 tuple(tuple(v.values) for v in question.searched),
             )
@@ -214,7 +214,7 @@ class Service:
         tick.pose = _rounded(self._witness.pose())
         for name, pose in self._witness.poses().items():
             seen = _rounded(pose)
-            if self._told.get(name) != seen:
+            if name != "robot" and self._told.get(name) != seen:
                 self._told[name] = tick.moved[name] = seen
 
 

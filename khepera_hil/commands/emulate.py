@@ -32,7 +32,8 @@ def main(arguments: Sequence[str]) -> int:
 
     def ready(device: str) -> None:
         print(
-            f"a Khepera at {asked.baud} baud in {asked.world}, seed {chosen}: {asked.pty} -> {device}; Ctrl-C ends it",
+            f"{asked.pty} -> {device}: a Khepera at {asked.baud} baud in {asked.world}, "
+            f"seed {chosen}; Ctrl-C ends it",
             flush=True,
         )
 

@@ -86,11 +86,13 @@ def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock
     manifest: dict[str, Any] = {
         "port": asked.port,
         "baud": asked.baud,
-        "period": asked.period,
+        "period_s": asked.period,
         "clock": "simulated" if clock.simulated else "wall",
         "robot": {"bios": versions[0], "protocol": versions[1]},
         "questions": service.questions(),
-        "world": None if witness is None else {"name": _world_of(url), "shapes": witness.shapes()},
+        "world": None
+        if witness is None
+        else {"name": _world_of(url), "size": witness.size(), "shapes": witness.shapes()},
     }
     recording = Recording.create(
         asked.runs, program=asked.program, seed=seed, manifest=manifest, started=datetime.now()

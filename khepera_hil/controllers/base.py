@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from brp import Distribution, Question
+from brp import Distribution, Question, Value
 from khepera_hil.perception import Readings, Sense
 
 __all__ = ["VTRANS", "Controller", "Decision", "Reactive", "wheels"]
@@ -25,12 +25,12 @@ SCALE = 0.8
 class Decision:
     """What one tick came to."""
 
-    evidence: Mapping[str, int | str]
+    evidence: Mapping[str, Value]
     answers: Mapping[str, Distribution]
     """Every distribution that was asked, by key; the keys of ``draws`` are among them."""
     u: Mapping[str, float]
     """The one uniform number behind each draw."""
-    draws: Mapping[str, int | str]
+    draws: Mapping[str, Value]
     left: int
     right: int
     """Speeds to send, in units of the manual's command D."""
@@ -88,7 +88,7 @@ class Reactive:
 
     def step(self, readings: Readings, rng: np.random.Generator) -> Decision:
         """Sense, ask, draw, act."""
-        evidence: dict[str, int | str] = {}
+        evidence: dict[str, Value] = {}
         clipped: dict[str, int] = {}
         for sense in self._senses:
             percept = sense.step(readings)

@@ -48,6 +48,11 @@ class Witness:
         self._catch_up()
         return self._world.pose()
 
+    def size(self) -> tuple[float, float]:
+        """The floor's width and depth; its corner is the origin."""
+        width, depth = self._world.arena.size
+        return width / 1000, depth / 1000
+
     def shapes(self) -> list[dict[str, Any]]:
         """Everything there is, at its starting pose: see :meth:`khepera_hil.world.World.shapes`."""
         return self._world.shapes()

@@ -11,7 +11,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from khepera_hil.recording import Tick
+from khepera_hil.recording import Tick, Value
 from khepera_hil.viewer import colours
 from khepera_hil.viewer.columns import Columns, Lane, Stamp, bars, static_bars, tensors, vectors
 
@@ -38,7 +38,7 @@ class Panel:
     title: str
     variable: str
     axis: int
-    values: tuple[int | str, ...]
+    values: tuple[Value, ...]
     main: bool
     alone: bool
     """The question asks for this variable only."""

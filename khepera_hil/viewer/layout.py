@@ -14,6 +14,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from khepera_hil.recording import Value
 from khepera_hil.viewer import colours
 from khepera_hil.viewer.beliefs import HISTORY, MANY, PACE, Panel, panels
 from khepera_hil.viewer.scene import TRAIL
@@ -154,7 +155,7 @@ def _series(manifest: Mapping[str, Any]) -> rrb.Vertical:
     )
 
 
-def _variables(evidence: Mapping[str, Sequence[int | str]]) -> list[Any]:
+def _variables(evidence: Mapping[str, Sequence[Value]]) -> list[Any]:
     """The evidence over time: variables of like range share a plot, words have their own lanes of states."""
     if not evidence:
         return [_plot("/variables", "Variables", legend=True)]

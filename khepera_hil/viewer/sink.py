@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from khepera_hil.recording import Tick
+from khepera_hil.recording import Tick, Value
 from khepera_hil.viewer import colours
 from khepera_hil.viewer.beliefs import Beliefs
 from khepera_hil.viewer.columns import Columns, Lane, Stamp, vectors
@@ -121,7 +121,7 @@ def _own_lanes(stream: rr.RecordingStream) -> dict[str, Lane]:
     }
 
 
-def _variable(stream: rr.RecordingStream, name: str, value: int | str) -> Lane:
+def _variable(stream: rr.RecordingStream, name: str, value: Value) -> Lane:
     path = "/variables/" + rr.escape_entity_path_part(name)
     if isinstance(value, str):
         return Lane(path, lambda rows: rr.StateChange.columns(state=rows))
