@@ -98,9 +98,10 @@ class Service:
         self.lifecycle.send("connected")
         return versions
 
-    def questions(self) -> list[dict[str, Any]]:
-        """What the program asks each tick, for the run's manifest."""
-        return [
+    def program(self) -> dict[str, Any]:
+        """What the program asks each tick and what it knows then, for the run's manifest."""
+        known = {v.name: list(v.values) for question in self._controller.questions.values() for v in question.known}
+        questions = [
             {
                 "key": key,
                 "name": name,
@@ -110,6 +111,7 @@ class Service:
             }
             for key, (name, variables, values) in self._shapes.items()
         ]
+        return {"questions": questions, "evidence": known}
 
     def stop(self, reason: str) -> None:
         """End the loop at its next tick; may be called from a signal's handler."""

@@ -89,7 +89,7 @@ def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock
         "period_s": asked.period,
         "clock": "simulated" if clock.simulated else "wall",
         "robot": {"bios": versions[0], "protocol": versions[1]},
-        "questions": service.questions(),
+        **service.program(),
         "world": None
         if witness is None
         else {"name": _world_of(url), "size": witness.size(), "shapes": witness.shapes()},

@@ -97,7 +97,7 @@ def _texts() -> rrb.Tabs:
 
 def _beliefs(shown: list[Panel]) -> rrb.Vertical:
     # What is combined comes first, the combination last, as in figure 9.
-    order = [p for p in reversed(shown) if not p.main] + [p for p in shown if p.main]
+    order = [p for p in shown if not p.main] + [p for p in shown if p.main]
     charts = [_chart(panel) for panel in order]
     columns = 1 if len(charts) == 1 else 2 if len(charts) <= 6 else 4
     grid = rrb.Grid(*charts, grid_columns=columns)
