@@ -10,28 +10,21 @@ Time is the clock's alone. With a simulated clock the port's ``read`` moves it.
 
 from __future__ import annotations
 
-import contextlib
-import errno
 import math
-import socket
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Protocol
-
-import serial
-from serial.tools import list_ports
 
 from khepera_hil.clock import Clock
 from khepera_hil.errors import (
     BadAnswer,
     LinkLost,
     NoAnswer,
-    PortError,
     ProtocolError,
     Refused,
     RobotError,
     WireTooSlow,
 )
+from khepera_hil.opening import PORT_ERRORS, Port, close_port
 from khepera_hil.protocol import (
     BAUD_RATES,
     COMMANDS,
@@ -41,12 +34,7 @@ from khepera_hil.protocol import (
     wire_seconds,
 )
 
-try:
-    from termios import error as TermiosError
-except ImportError:  # a host without termios cannot raise its error either
-    TermiosError = OSError  # type: ignore[misc,assignment]  # stands for the class that is not there
-
-__all__ = ["MARGIN", "Counters", "Link", "Port", "check_budget", "open_port", "seconds_needed"]
+__all__ = ["MARGIN", "Counters", "Link", "check_budget", "seconds_needed"]
 
 MARGIN = 0.025
 """Seconds that an answer may take beyond its time on the wire. An FTDI adapter whose latency timer could not be
@@ -65,38 +53,11 @@ RESYNCHRONISATION = 0.3
 PROBES = ("B", "K", "E")
 """Requests that change nothing and that a tick does not use."""
 
-WRITE_TIMEOUT = 0.5
-"""Seconds for a request of a few bytes to be taken by the host; only a peer that stopped reading needs more."""
-
 RESERVE = 0.1
 """The part of a period that the wire must leave free for computing and for the host's lateness."""
 
 _KHEPERA_RATES = BAUD_RATES[:3]  # what the jumpers of the first Khepera can be set to
 _HEARD = 4096  # characters kept of what is thrown away
-_PORT_ERRORS = (OSError, TermiosError)  # SerialException is an OSError, termios.error is not
-
-
-class Port(Protocol):
-    """What a link needs of an open pyserial port, whatever its kind."""
-
-    timeout: float | None
-
-    @property
-    def port(self) -> str | None:
-        """The name under which it was opened."""
-
-    @property
-    def in_waiting(self) -> int:
-        """Bytes (or, on a socket, whether there are any) that a read would give at once."""
-
-    def read(self, size: int = ..., /) -> bytes:
-        """``size`` bytes, or what came within ``timeout`` seconds."""
-
-    def write(self, data: bytes, /) -> int | None:
-        """Hand bytes to the line."""
-
-    def close(self) -> None:
-        """Give the port back."""
 
 
 @dataclass
@@ -228,11 +189,7 @@ class Link:
         """Give the port back; the link is of no more use."""
         if self._lost is None:
             self._lost = f"{self.name} has been closed"
-        line = _socket_of(self.port)
-        with contextlib.suppress(*_PORT_ERRORS):  # it may be gone already, which is what was wanted
-            self.port.close()
-        if line is not None:
-            line.close()  # pyserial leaves a socket open whose peer went first
+        close_port(self.port)
 
     def _trust_the_line(self, letter: str) -> None:
         """Resynchronise if there is a reason to; a byte that nobody asked for is one."""
@@ -304,7 +261,7 @@ class Link:
     def _waiting(self) -> int:
         try:
             return self._open_port().in_waiting
-        except _PORT_ERRORS as error:
+        except PORT_ERRORS as error:
             raise self._gone(error) from error
 
     def _read(self, seconds: float) -> bytes:
@@ -313,7 +270,7 @@ class Link:
             port = self._open_port()
             port.timeout = seconds
             chunk = port.read(max(1, port.in_waiting))
-        except _PORT_ERRORS as error:
+        except PORT_ERRORS as error:
             raise self._gone(error) from error
         self._heard += chunk
         del self._heard[:-_HEARD]
@@ -322,7 +279,7 @@ class Link:
     def _write(self, data: bytes) -> None:
         try:
             written = self._open_port().write(data)
-        except _PORT_ERRORS as error:
+        except PORT_ERRORS as error:
             raise self._gone(error) from error
         if written is not None and written < len(data):
             raise self._gone("it took only a part of what was written")
@@ -376,73 +333,3 @@ def check_budget(requests: Iterable[str], baud: int, period: float) -> float:
         f"{(1 - RESERVE) * period * 1000:.0f} ms that a period of {period * 1000:g} ms leaves for the wire: "
         f"use {instead}"
     )
-
-
-def open_port(url: str, baud: int) -> Port:
-    """Open whatever ``serial_for_url`` takes: 8 data bits, 2 stop bits, no parity, no flow control (manual, 3.1.3).
-
-    A device is locked against other users of such locks, and its adapter asked to pass bytes on at once. Raises
-    PortError, one sentence that says what to do.
-    """
-    try:
-        port = serial.serial_for_url(
-            url, baud, stopbits=serial.STOPBITS_TWO, timeout=0, write_timeout=WRITE_TIMEOUT, exclusive=True
-        )
-    except (*_PORT_ERRORS, ValueError, OverflowError, NotImplementedError) as error:
-        raise PortError(_what_to_do(url, baud, error)) from error
-    try:
-        port.set_low_latency_mode(True)
-    except (*_PORT_ERRORS, AttributeError, ValueError, NotImplementedError):
-        pass  # no adapter with a latency timer, or one that cannot be told; MARGIN allows for it
-    line = _socket_of(port)
-    if line is not None:
-        # Two small packets in a row, as a resynchronisation sends, would wait for the peer's delayed receipt.
-        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    return port
-
-
-def _socket_of(port: Port) -> socket.socket | None:
-    """The socket inside a port of the kind socket://, which pyserial keeps to itself."""
-    line = getattr(port, "_socket", None)
-    return line if isinstance(line, socket.socket) else None
-
-
-def _what_to_do(url: str, baud: int, error: Exception) -> str:
-    """The sentence for a port that did not open."""
-    number = _errno(error)
-    if "://" in url and "not known" in str(error) and isinstance(error, ValueError):
-        return f"{url!r} is no kind of port: use a device such as /dev/ttyUSB0, socket://HOST:PORT or emulator"
-    if isinstance(error, NotImplementedError):
-        # pyserial's rfc2217 knows no write timeout, and negotiates for 50 ms each time that a read's is set.
-        return f"{url!r} is a kind of port without deadlines, which cannot be used: try socket://HOST:PORT"
-    if number == errno.ENOENT:
-        seen = ", ".join(sorted(port.device for port in list_ports.comports()))
-        here = (
-            f"this computer has {seen}"
-            if seen
-            else "this computer shows no serial port: is the adapter plugged in?"
-        )
-        return f"there is no port {url!r}; {here}"
-    if number in (errno.EACCES, errno.EPERM):
-        return f"{url!r} may not be opened by you: join its group, mostly dialout, and log in again"
-    if number in (errno.EAGAIN, errno.EBUSY):
-        return f"{url!r} is in use by another program: end that first"
-    if number in (errno.ENOTTY, errno.EISDIR, errno.ENOTDIR, errno.EINVAL):
-        return f"{url!r} is no serial port: give the name of one"
-    if number in (errno.ENXIO, errno.ENODEV, errno.EIO):
-        return f"{url!r} has a name but no device behind it: is the adapter plugged in?"
-    if number == errno.ECONNREFUSED:
-        return f"nobody listens at {url!r}: start the server there, or mend the address"
-    if isinstance(error, (ValueError, OverflowError)) and "://" not in url:
-        return f"{url!r} cannot be set to {baud} baud: use one of {', '.join(map(str, BAUD_RATES))}"
-    return f"{url!r} cannot be opened, check its name: {error}"
-
-
-def _errno(error: BaseException | None) -> int | None:
-    """The operating system's number for what went wrong; pyserial often hides it one or two errors down."""
-    while error is not None:
-        number = getattr(error, "errno", None) or (error.args[0] if isinstance(error, TermiosError) else None)
-        if isinstance(number, int):
-            return number
-        error = error.__cause__ or error.__context__
-    return None

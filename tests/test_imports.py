@@ -23,7 +23,13 @@ TABLE: dict[str, set[str]] = {
     "khepera_hil.protocol": {"khepera_hil.errors"},
     "khepera_hil.lifecycle": {"statemachine"},
     # the client's end
-    "khepera_hil.link": {"khepera_hil.protocol", "khepera_hil.clock", "khepera_hil.errors", "serial"},
+    "khepera_hil.opening": {"khepera_hil.errors", "serial"},
+    "khepera_hil.link": {
+        "khepera_hil.opening",
+        "khepera_hil.protocol",
+        "khepera_hil.clock",
+        "khepera_hil.errors",
+    },
     "khepera_hil.khepera": {"khepera_hil.link", "khepera_hil.protocol", "khepera_hil.errors"},
     "khepera_hil.perception": {"khepera_hil.perception", "numpy"},
     "khepera_hil.controllers": {"khepera_hil.controllers", "khepera_hil.perception", "brp", "numpy"},

@@ -26,7 +26,8 @@ from khepera_hil.controllers import PROGRAMS
 from khepera_hil.errors import UsageError
 from khepera_hil.follower import Follower
 from khepera_hil.khepera import Khepera
-from khepera_hil.link import Link, check_budget, open_port
+from khepera_hil.link import Link, check_budget
+from khepera_hil.opening import open_port
 from khepera_hil.quantiles import Quantiles
 from khepera_hil.recording import Recording
 from khepera_hil.service import Service
