@@ -99,11 +99,11 @@ def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock
         asked.runs, program=asked.program, seed=seed, manifest=manifest, started=datetime.now()
     )
     print(f"{asked.program} on {asked.port}: Khepera {versions[0]}, seed {seed}", flush=True)
-    rows = ROWS_FAST if clock.simulated else ROWS_WALL
-    sink = open_file(recording.folder / FILE, recording.manifest, rows=rows)
-    recording.follow(Follower(sink, name=FILE, waits=clock.simulated))
-    recording.follow(Follower(Terminal(sys.stdout, asked.program), name="the terminal", waits=False))
     try:
+        rows = ROWS_FAST if clock.simulated else ROWS_WALL
+        sink = open_file(recording.folder / FILE, recording.manifest, rows=rows)
+        recording.follow(Follower(sink, name=FILE, waits=clock.simulated))
+        recording.follow(Follower(Terminal(sys.stdout, asked.program), name="the terminal", waits=False))
         service.run(recording, duration=asked.duration)
     finally:
         ending = {
@@ -113,11 +113,10 @@ def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock
             "work_ms": _percentiles(service.work),
             "late_ms": _percentiles(service.late),
             "stop": service.ended,
+            "rested": service.rested,
             "score": {} if witness is None else witness.score(),
         }
         losses = recording.close(ending)
-        if not service.rested:
-            losses.append("the robot did not acknowledge the order to stop: see that its wheels stand still")
         _tell(recording, ending, losses, as_json=asked.json)
 
 
@@ -125,6 +124,8 @@ def _tell(recording: Recording, ending: dict[str, Any], losses: list[str], *, as
     for loss in losses:
         print(f"khepera-hil: {loss}", file=sys.stderr)
     print(f"stopped ({ending['stop']}) after {ending['ticks']} ticks, {ending['missed']} deadlines missed")
+    if not ending["rested"]:
+        print("THE ROBOT DID NOT ACKNOWLEDGE THE ORDER TO STOP: see that its wheels stand still")
     if ending["score"]:
         print("score: " + ", ".join(f"{name} {value}" for name, value in ending["score"].items()))
     print(f"recorded in {recording.folder}; to look at it: {_rerun()} {recording.folder / FILE}")

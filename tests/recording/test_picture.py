@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -39,12 +40,12 @@ def viewer(path: Path) -> Iterator[Any]:
     command += ["--port", str(port), "--hide-welcome-screen"]
     environment = dict(os.environ, VK_ICD_FILENAMES=str(DRIVER), RUST_LOG="error", HOME=str(path.parent))
     with subprocess.Popen(
-        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     ) as process:
         try:
             yield connect(process, port)
         finally:
-            process.terminate()
+            os.killpg(process.pid, signal.SIGKILL)  # the command is a wrapper: its child is the viewer
 
 
 def connect(process: subprocess.Popen[bytes], port: int) -> Any:
