@@ -23,7 +23,7 @@ from khepera_hil import chance
 from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
 from khepera_hil.controllers import PROGRAMS
-from khepera_hil.errors import UsageError
+from khepera_hil.errors import RecordingError, UsageError
 from khepera_hil.follower import Follower
 from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link, check_budget
@@ -105,37 +105,42 @@ def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock
         recording.follow(Follower(sink, name=FILE, waits=clock.simulated))
         recording.follow(Follower(Terminal(sys.stdout, asked.program), name="the terminal", waits=False))
         service.run(recording, duration=asked.duration)
-    finally:
-        ending = {
-            "ticks": service.ticks,
-            "missed": service.missed,
-            "without_data": service.blind,
-            "work_ms": _percentiles(service.work),
-            "late_ms": _percentiles(service.late),
-            "stop": service.ended,
-            "rested": service.rested,
-            "score": {} if witness is None else witness.score(),
-        }
+    except BaseException:
+        _finish(recording, service, witness, as_json=asked.json)
+        raise
+    if (failure := _finish(recording, service, witness, as_json=asked.json)) is not None:
+        raise failure
+
+
+def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bool) -> RecordingError | None:
+    """Close the recording and say how the run went; what could not be written is returned, not raised."""
+    ending: dict[str, Any] = {
+        "ticks": service.ticks,
+        "missed": service.missed,
+        "without_data": service.blind,
+        "work_ms": _percentiles(service.work),
+        "late_ms": _percentiles(service.late),
+        "stop": service.ended,
+        "rested": service.rested,
+        "score": {} if witness is None else witness.score(),
+    }
+    failure = None
+    try:
         losses = recording.close(ending)
-        _tell(recording, ending, losses, as_json=asked.json)
-
-
-def _tell(recording: Recording, ending: dict[str, Any], losses: list[str], *, as_json: bool) -> None:
+    except RecordingError as error:
+        losses, failure = [], error
     for loss in losses:
         print(f"khepera-hil: {loss}", file=sys.stderr)
     print(f"stopped ({ending['stop']}) after {ending['ticks']} ticks, {ending['missed']} deadlines missed")
-    if not ending["rested"]:
+    if not service.rested:
         print("THE ROBOT DID NOT ACKNOWLEDGE THE ORDER TO STOP: see that its wheels stand still")
     if ending["score"]:
         print("score: " + ", ".join(f"{name} {value}" for name, value in ending["score"].items()))
     print(f"recorded in {recording.folder}; to look at it: {_rerun()} {recording.folder / FILE}")
     if as_json:
-        manifest = recording.manifest
-        print(
-            json.dumps(
-                {"run": str(recording.folder), "program": manifest["program"], "seed": manifest["seed"], **ending}
-            )
-        )
+        about = {name: recording.manifest[name] for name in ("program", "seed")}
+        print(json.dumps({"run": str(recording.folder), **about, **ending}))
+    return failure
 
 
 def _rerun() -> str:
@@ -154,12 +159,18 @@ def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
 
 def port_url(port: str, world: str | None, *, fast: bool, seed: int) -> str:
     """What pyserial is asked to open. Only the in-process emulator has a world and a simulated clock."""
+    for flag, text in (("--port", port), ("--world", world)):
+        if text == "":
+            raise UsageError(f"{flag} is empty; leave it out for the emulator in its usual arena")
     if port != "emulator" and not port.startswith("emulator:"):
         for flag, given in (("--fast", fast), ("--world", world is not None)):
             if given:
                 raise UsageError(f"{flag} goes with --port emulator only; {port} is a robot of its own")
         return port
-    parts = urlsplit("emulator://" if port == "emulator" else port)
+    try:
+        parts = urlsplit("emulator://" if port == "emulator" else port)
+    except ValueError:
+        raise UsageError(f"--port {port} is no name of an emulator; write emulator://ARENA") from None
     named = parts.netloc + parts.path
     if world is not None and named and named != world:
         raise UsageError(f"--port {port} and --world {world} name two different worlds; leave one of them out")

@@ -29,6 +29,8 @@ ROWS_FAST = 50
 
 def open_file(path: Path | str, manifest: Mapping[str, Any], *, rows: int) -> RerunFile:
     """A sink that writes a run of ``manifest`` to ``path`` (overwritten), ``rows`` ticks to a chunk."""
+    # rerun's own log would speak between our lines; what it loses is found at the flush, and told once.
+    os.environ.setdefault("RUST_LOG", "off")
     from khepera_hil.viewer.sink import RerunFile  # late: this is what imports rerun
 
     return RerunFile(Path(path), manifest, rows=rows)
