@@ -11,5 +11,7 @@ import subprocess
 import sys
 
 for name in ("emulator", "recording"):
-    print(f"== {name} ({platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()})", flush=True)
+    print(
+        f"== {name} ({platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()})", flush=True
+    )
     subprocess.run([sys.executable, "-m", f"benchmarks.{name}"], check=True)

@@ -76,6 +76,22 @@ class Khepera:
         self.link.ask("D", *speeds)
         return speeds
 
+    def halt(self) -> bool:
+        """Order the wheels to stand still, at once: whether the robot confirmed it. Command D.
+
+        One attempt, for the middle of a run. On a line that is out of step the order goes out blind, since
+        getting into step first takes its time and may fail. Raises LinkLost only.
+        """
+        if self.link.synchronised:
+            try:
+                self.set_speed(0, 0)
+            except RobotError:
+                pass
+            else:
+                return True
+        self.link.send_unanswered("D", 0, 0)
+        return False
+
     def stop(self) -> bool:
         """Set both speeds to zero, and try hard; whether the robot said that it did. Command D.
 

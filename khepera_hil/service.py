@@ -126,6 +126,10 @@ class Service:
                 self._clock, self._period, duration=duration, stopped=lambda: self._reason is not None
             ):
                 recording.write(self._tick(beat))
+                if self._blind_in_a_row >= GIVE_UP:
+                    raise NoAnswer(
+                        f"no usable answer for {GIVE_UP} ticks: is the robot still switched on, and the cable in?"
+                    )
             self.ended = self._reason or "duration"
         finally:
             self._rest()
@@ -191,12 +195,8 @@ class Service:
         tick.events.append(("warning", f"no data: {error}"))
         self.blind += 1
         self._blind_in_a_row += 1
-        if self._blind_in_a_row >= GIVE_UP:
-            raise NoAnswer(
-                f"no usable answer for {GIVE_UP} ticks: is the robot still switched on, and the cable in?"
-            ) from error
-        if self._blind_in_a_row > HOLD:
-            self._send(tick, 0, 0)
+        if self._blind_in_a_row > HOLD and self._khepera.halt():
+            tick.command = (0, 0)
 
     def _answer(self, key: str, given: Distribution) -> Answer:
         name, variables, values = self._shapes[key]
