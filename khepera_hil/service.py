@@ -151,6 +151,8 @@ class Service:
         tick = Tick(tick=beat.tick, t=beat.due, late_ms=1e3 * beat.late, missed=beat.missed, raw=self._raw)
         tick.wall = self._wall()
         self._look(tick)
+        if beat.tick == 0:
+            tick.events.append(("info", f"{self._controller.name} runs, a tick every {self._period:g} s"))
         if beat.missed:
             tick.events.append(("warning", f"{beat.missed} deadlines missed"))
         try:
