@@ -89,10 +89,7 @@ class Service:
         try:
             versions = self._khepera.handshake()
             self._khepera.set_speed(0, 0)
-        except RobotError:
-            self.lifecycle.send("fail")
-            raise
-        except LinkLost:
+        except (RobotError, LinkLost):
             self.lifecycle.send("fail")
             raise
         self.lifecycle.send("connected")
