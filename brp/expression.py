@@ -15,8 +15,20 @@ import numpy as np
 from brp.factors import Cases, Density, Factor
 from brp.variables import Variable, cells
 
-__all__ = ["Conditional", "Leaf", "Node", "Product", "Slice", "Split", "Subroutine", "Sum", "at", "climb", "node"]
-__all__ += ["postorder", "renamed"]
+__all__ = [
+    "Conditional",
+    "Leaf",
+    "Node",
+    "Otherwise",
+    "Product",
+    "Slice",
+    "Split",
+    "Subroutine",
+    "Sum",
+    "at",
+    "climb",
+]
+__all__ += ["node", "postorder", "renamed"]
 
 R = TypeVar("R")
 
@@ -92,6 +104,20 @@ class Conditional(Node):
         super().__init__(child.scope.union(variables), (child,), child.vanishes)
 
 
+class Otherwise(Node):
+    """Its first child, a question, and its second where the first has no answer: where what it knows is impossible.
+
+    Both are normalised over ``variables``.
+    """
+
+    __slots__ = ("variables",)
+
+    def __init__(self, variables: tuple[Variable, ...], first: Node, second: Node) -> None:
+        self.variables = variables
+        scope = first.scope.union(second.scope, variables)
+        super().__init__(scope, (first, second), first.vanishes or second.vanishes)
+
+
 class Slice(Node):
     """Its one child at a fixed place of some variables."""
 
@@ -150,8 +176,8 @@ def node(factor: Factor) -> Node:
         made = {id(branch): node(branch) for branch in factor.branches}
         return Split(factor.variable, tuple(made[id(branch)] for branch in factor.branches))
     if isinstance(factor, Subroutine):
-        (product,) = factor.start.children
-        return product if factor.opened is not None and isinstance(product, Leaf | Split) else factor.start
+        inside = factor.start.children[0]
+        return inside if factor.opened is not None and isinstance(inside, Leaf | Split) else factor.start
     logs = np.full(tuple(map(len, factor.of)), -np.log(cells(factor.of)))
     return Leaf(Density(factor.of, (), factor.names, lambda *places: logs[places], vanishes=False))
 
@@ -222,6 +248,8 @@ def renamed(start: Node, new: Mapping[Variable, Variable]) -> Node:
                 result = Split(new.get(here.variable, here.variable), children)
             case Conditional():
                 result = Conditional(tuple(new.get(v, v) for v in here.variables), children[0], here.name)
+            case Otherwise():
+                result = Otherwise(tuple(new.get(v, v) for v in here.variables), *children)
             case Slice():
                 result = Slice(children[0], {new.get(v, v): place for v, place in here.fixed.items()})
             case _:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brp.expression import Conditional, Leaf, Node, Product, Slice, Split, Sum, climb, postorder
+from brp.expression import Conditional, Leaf, Node, Otherwise, Product, Slice, Split, Sum, climb, postorder
 from brp.logs import logarithms
 from brp.variables import Variable, cells
 
@@ -80,7 +80,7 @@ class _Compiler:
         self.place = {v: f"i{number}" for number, v in enumerate(known)}
         self.names: dict[str, Any] = {"np": np, "dot": np.dot, "TINY": TINY} if names is None else names
         self.lines: list[str] = []
-        self.made: dict[tuple[int, tuple[Variable, ...], tuple[int, ...]], str] = {}
+        self.made: dict[tuple[int, tuple[Variable, ...], tuple[int, ...], bool], str] = {}
         self.depth: dict[str, int] = {}
         self.registers = 0
         self.sources: list[str] = []
@@ -89,6 +89,8 @@ class _Compiler:
 
     def compile(self, start: Node, order: tuple[Variable, ...]) -> Compiled:
         self.root = start
+        while isinstance(self.root, Otherwise):
+            self.root = self.root.children[0]
         self.small = foldable(start)
         shape = tuple(len(v) if v in start.scope else 1 for v in order)
         result = climb(self._emit, start, order, shape, False)
@@ -136,7 +138,7 @@ class _Compiler:
         ``order`` has every free variable of the node (others have length 1), and ``shape`` is that array reshaped.
         ``scale``: whether the array may be multiplied by any one number.
         """
-        key = (id(here), order, shape)
+        key = (id(here), order, shape, scale)
         if key not in self.made:
             if self._folds(here):
                 self.made[key] = self._table(here, order, shape, scale)
@@ -148,6 +150,8 @@ class _Compiler:
                 self.made[key] = yield from self._split(here, order, shape, scale)
             elif isinstance(here, Conditional):
                 self.made[key] = yield from self._conditional(here, order, shape)
+            elif isinstance(here, Otherwise):
+                self.made[key] = yield from self._otherwise(here, order, shape)
             elif isinstance(here, Slice):
                 self.made[key] = yield from self._slice(here, order, shape)
             else:
@@ -351,6 +355,18 @@ class _Compiler:
             result = self._register(f"{result}.transpose({tuple(inner.index(v) for v in wanted)})")
             return self._reshaped(result, tuple(map(len, wanted)), shape)
         return self._reshaped(result, flat, shape)
+
+    def _otherwise(
+        self, here: Otherwise, order: tuple[Variable, ...], shape: tuple[int, ...]
+    ) -> Generator[tuple[Any, ...], str, str]:
+        """The first: where it has no answer nothing has, and the caller computes in logarithms, rule and all."""
+        first = here.children[0]
+        natural = tuple(len(v) if v in here.scope else 1 for v in order)
+        own = tuple(len(v) if v in first.scope else 1 for v in order)
+        name = yield (first, order, own, False)
+        if own != natural:
+            name = self._register(f"np.broadcast_to({name}, {natural})")
+        return self._reshaped(name, natural, shape)
 
     def _asked_within(
         self, here: Conditional, own: list[Variable], order: tuple[Variable, ...], shape: tuple[int, ...]

@@ -19,7 +19,7 @@ import heapq
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from brp.expression import Conditional, Leaf, Node, Product, Slice, Split, Subroutine, Sum, at, node
+from brp.expression import Conditional, Leaf, Node, Otherwise, Product, Slice, Split, Subroutine, Sum, at, node
 from brp.factors import Cases, Factor, Flat
 from brp.variables import Variable, cells
 
@@ -242,12 +242,12 @@ def _left(n: Node) -> frozenset[Variable]:
     """What is left of a node's bar, when it still is a distribution over that."""
     if isinstance(n, Leaf):
         return frozenset(n.density.of) if n.scope.issuperset(n.density.of) else frozenset()
-    if isinstance(n, Conditional):
+    if isinstance(n, Conditional | Otherwise):
         return frozenset(n.variables)
     if isinstance(n, Split):
         lefts = {_left(branch) for branch in n.children}
         return lefts.pop() if len(lefts) == 1 else frozenset()
-    if isinstance(n, Slice) and isinstance(n.children[0], Conditional):
+    if isinstance(n, Slice) and isinstance(n.children[0], Conditional | Otherwise):
         left = frozenset(n.children[0].variables)
         return left if not left.intersection(n.fixed) else frozenset()
     return frozenset()
