@@ -78,11 +78,11 @@ def test_without_a_variable_fills_exactly_the_eighteen_impossible_rows_of_pi_beh
     for values in product(*(v.values for v in KNOWN)):
         at = tuple(v.place(value) for v, value in zip(KNOWN, values, strict=True))
         known: dict[str, Any] = dict(zip((v.keyword for v in KNOWN), values, strict=True))
-        expected = wanted[(..., *at)]
+        expected = wanted[(slice(None),) * len(ASKED.of) + at]
         assert plain.possible(**known) is filled.possible(**known) is not bool(np.isnan(expected).any())
         if np.isnan(expected).any():
             rows += 1
-            expected = again[(..., *at[1:])]
+            expected = again[(slice(None),) * len(ASKED.of) + at[1:]]
             with pytest.raises(ImpossibleEvidence):
                 plain(**known)
         np.testing.assert_allclose(filled(**known).p, expected, rtol=1e-12, atol=1e-15)
@@ -191,7 +191,7 @@ def test_a_filled_question_is_a_conditional_distribution_wherever_it_stands(data
             wanted = Joint(tables).conditional(asked)
             plan = compiled(question.start, question.known, question.searched)
             for values in product(*(range(len(v)) for v in asked.given)):  # here values are places
-                expected = wanted[(..., *values)]
+                expected = wanted[(slice(None),) * len(asked.of) + values]
                 known = dict(zip((v.keyword for v in asked.given), values, strict=True))
                 if np.isnan(expected).any():
                     with pytest.raises(ImpossibleEvidence):
