@@ -29,6 +29,8 @@ EFFORT = 20_000_000
 """The most numbers that are computed to fill one such table."""
 LEAF = 8_000_000
 """The largest density that is written out as a table; above, it is computed where it is asked."""
+LIGHT = 100_000
+"""The same for a density that holds far fewer numbers than its table: Per of 10 000 values, two numbers a class."""
 SUMS = 8
 """How many sums may follow one another before their result is scaled up."""
 
@@ -113,7 +115,7 @@ class _Compiler:
 
     def _folds(self, here: Node) -> bool:
         if isinstance(here, Leaf):
-            return cells(here.scope) <= LEAF
+            return cells(here.scope) <= (LIGHT if here.density.light else LEAF)
         # With nothing known, and of the whole, a fold would be the very computation that is being compiled.
         return bool(self.known) and here is not self.root and self.small[id(here)]
 
