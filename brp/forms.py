@@ -32,6 +32,14 @@ class Form:
     learns: bool = False
     """Whether samples change it: it is free, or was identified from samples and can take more."""
 
+    names: tuple[str, ...] = ()
+    """Of a question: the names of the description that it asks, as they stand right of the bar."""
+
+    @property
+    def inner(self) -> tuple[Form, ...]:
+        """The forms that it is made of."""
+        return ()
+
     def identify(self, term: Term, samples: Samples) -> Form:
         """The form without free parameters; itself when it has none."""
         return self
@@ -194,6 +202,11 @@ class Switch(Form):
         )
 
     @property
+    def inner(self) -> tuple[Form, ...]:
+        """Its cases."""
+        return tuple(self.cases.values())
+
+    @property
     def learns(self) -> bool:  # type: ignore[override]  # likewise
         """Whether one of the cases learns."""
         return any(form.learns for form in self.cases.values())
@@ -257,8 +270,9 @@ def _fill(p: NDArray[np.float64], column: Any, term: Term) -> None:
 
 def _numbers(table: Any, term: Term) -> NDArray[np.float64]:
     """Numbers, or nan where an "x" stands."""
-    array = np.asarray(table, dtype=object)
-    marks = array == "x"
+    plain = isinstance(table, np.ndarray) and table.dtype.kind in "fiu"  # numbers already: no objects in between
+    array = table if plain else np.asarray(table, dtype=object)
+    marks = np.zeros(array.shape, dtype=bool) if plain else array == "x"
     try:
         p = np.where(marks, 0.0, array).astype(np.float64)
     except (TypeError, ValueError):

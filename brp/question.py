@@ -14,6 +14,7 @@ from brp.expression import Leaf, Node, Otherwise, Subroutine, node, postorder
 from brp.factors import Factor, label
 from brp.forms import Form
 from brp.formula import formula
+from brp.hierarchy import hierarchy
 from brp.logs import logarithms
 from brp.plan import compiled, foldable, probabilities
 from brp.simplification import Simplified, simplify
@@ -197,6 +198,13 @@ class Question(Form):
             raise self._refusal(known) from None
         return not np.isnan(logarithms(self.simplified.start, self.searched, places)).any()
 
+    @property
+    def inner(self) -> tuple[Form, ...]:
+        """The forms of its description; a rule that asks the same description again adds none."""
+        forms = [self.description[term] for term in self.description.specification.terms]
+        others = [r for r in self.rules if not isinstance(r, Question) or r.description is not self.description]
+        return (*forms, *others)
+
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
         """The question as a factor of another description."""
         return _subroutine(self, {}, term)
@@ -212,7 +220,18 @@ class Question(Form):
             f"where it is impossible: {rule.name if isinstance(rule, Question) else repr(rule)}"
             for rule in self.rules
         ]
+        calls = hierarchy(self)
+        if calls.levels > 1:
+            lines += [self._partition(), str(calls)]
         return "\n".join(lines)
+
+    def _partition(self) -> str:
+        """All variables of the description, as searched, known and unknown."""
+        unknown = [v for v in self.description.variables if v not in self.term.variables]
+        parts = (("searched", self.searched), ("known", self.known), ("unknown", unknown))
+        counted = ", ".join(f"{len(part)} {word}" for word, part in parts)
+        hidden = f" ({text(unknown)})" if unknown else ""
+        return f"{len(self.description.variables)} variables: {counted}{hidden}"
 
     def __repr__(self) -> str:
         return f"<Question {self.name}>"
@@ -229,6 +248,11 @@ class _Renamed(Form):
                 raise SpecificationError(f"{old} cannot be renamed {variable}: their values differ")
         self.question = question
         self.new = dict(new)
+
+    @property
+    def inner(self) -> tuple[Form, ...]:
+        """The question."""
+        return (self.question,)
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
         """The question as a factor, its variables renamed."""
