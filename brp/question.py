@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from brp.distribution import Distribution
 from brp.errors import EvidenceError, ImpossibleEvidence, QuestionError, SpecificationError, TooLarge
-from brp.expression import Leaf, Node, Otherwise, Subroutine, node, postorder
+from brp.expression import Leaf, Node, Otherwise, Split, Subroutine, node, postorder
 from brp.factors import Factor, label
 from brp.forms import Form
 from brp.formula import formula
 from brp.hierarchy import hierarchy
 from brp.logs import logarithms
-from brp.plan import compiled, foldable, probabilities
+from brp.plan import Sizes, compiled, probabilities
 from brp.simplification import Simplified, simplify
-from brp.variables import Term, Variable, cells, text
+from brp.variables import Term, Variable, text
 
 if TYPE_CHECKING:
     from brp.description import Description
@@ -39,7 +39,8 @@ class Question(Form):
     def __init__(
         self, description: Description, term: Term, largest: int = LARGEST, *, rules: tuple[Form, ...] = ()
     ) -> None:
-        missing = [v for v in term.variables if v not in description.variables]
+        variables = frozenset(description.variables)
+        missing = [v for v in term.variables if v not in variables]
         if missing:
             raise QuestionError(
                 f"{description} has no variable {text(missing)}; it has {text(description.variables)}"
@@ -59,10 +60,12 @@ class Question(Form):
             )
         self.start: Node = self.simplified.start
         for rule in rules:
-            self.start = Otherwise(self.searched, self.start, node(rule.factor(term, self.names)))
+            self.start = Otherwise(
+                self.searched, self.start, node(rule.factor(term, self.names), frozenset(self.known))
+            )
         self._shape = tuple(map(len, self.searched))
         self._table: NDArray[np.float64] | None = None
-        if foldable(self.start)[id(self.start)]:
+        if Sizes(self.start).folds(self.start):
             # Every answer at once; a call then only looks it up, and keeps what it made of it.
             table = probabilities(self.start, (*self.known, *self.searched))
             self._table = table.reshape(-1, *self._shape)
@@ -71,7 +74,10 @@ class Question(Form):
         else:
             plan = compiled(self.start, self.known, self.searched)
             self._run, self.source = plan.run, plan.source
-        strides = [cells(self.known[number + 1 :]) for number in range(len(self.known))]
+        strides, stride = [0] * len(self.known), 1
+        for number in reversed(range(len(self.known))):
+            strides[number] = stride
+            stride *= len(self.known[number]) if self._table is not None else 1
         self._steps = [
             (
                 v.keyword,
@@ -277,10 +283,20 @@ def _subroutine(question: Question, new: Mapping[Variable, Variable], term: Term
         )
     simplified = question.simplified
     # What the question sums out is its own: hidden from every variable of the same name around it.
-    everything = {v for n in postorder(question.start) for v in (*n.scope, *getattr(n, "variables", ()))}
+    everything = {v for n in postorder(question.start) for v in _bound(n)}
     hidden = {v: v.hidden() for v in everything if v not in question.term.variables}
     opened = None if simplified.division or question.rules else simplified.kept
     plain = Subroutine(
         question.searched, question.known, question.names, question.start, opened, tuple(simplified.summed)
     )
     return plain.renamed({**hidden, **new})
+
+
+def _bound(n: Node) -> Iterable[Variable]:
+    """The variables that a node itself names."""
+    if isinstance(n, Leaf):
+        return n.density.scope
+    if isinstance(n, Split):
+        return (n.variable,)
+    variables: tuple[Variable, ...] = getattr(n, "variables", ())
+    return variables
