@@ -144,7 +144,7 @@ class Taught(Form):
             answers = nearest(visited, term.given, rule, f"the border of {term}")
             mean, deviation = mean[answers], deviation[answers]
         else:
-            mean[~visited], deviation[~visited] = np.nan, np.inf
+            mean, deviation = np.where(visited, mean, np.nan), np.where(visited, deviation, np.inf)
         return mean, np.maximum(deviation, self.form.floor)
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:

@@ -16,6 +16,7 @@ from brp.forms import Form
 from brp.formula import formula
 from brp.logs import logarithms
 from brp.plan import compiled, foldable, probabilities
+from brp.renewal import Plan, renewed
 from brp.simplification import Simplified, simplify
 from brp.variables import Term, Variable, cells, text
 
@@ -35,7 +36,9 @@ class Question(Form):
     its known variables. `renamed` gives it other variables for that purpose.
     """
 
-    def __init__(self, description: Description, term: Term, largest: int = LARGEST) -> None:
+    def __init__(
+        self, description: Description, term: Term, largest: int = LARGEST, *, like: Plan | None = None
+    ) -> None:
         missing = [v for v in term.variables if v not in description.variables]
         if missing:
             raise QuestionError(
@@ -44,7 +47,10 @@ class Question(Form):
         self.term = term
         self.searched, self.known = term.of, term.given
         self.names = description.names
-        self.simplified: Simplified = simplify(description.relevant(term), self.searched, self.known, self.name)
+        factors = tuple(description.relevant(term))
+        kept = None if like is None else renewed(like, factors)
+        self.simplified: Simplified = kept or simplify(factors, self.searched, self.known, self.name)
+        self.plan = Plan(self.simplified, factors)
         if self.simplified.largest * 8 > largest:
             raise TooLarge(
                 f"{self.name} needs an array of {self.simplified.largest * 8 / 1e6:.0f} MB, more than the "
