@@ -17,6 +17,7 @@ from brp.formula import formula
 from brp.hierarchy import hierarchy
 from brp.logs import logarithms
 from brp.plan import Sizes, compiled, probabilities
+from brp.renewal import Plan, renewed
 from brp.simplification import Simplified, simplify
 from brp.variables import Term, Variable, text
 
@@ -37,7 +38,13 @@ class Question(Form):
     """
 
     def __init__(
-        self, description: Description, term: Term, largest: int = LARGEST, *, rules: tuple[Form, ...] = ()
+        self,
+        description: Description,
+        term: Term,
+        largest: int = LARGEST,
+        *,
+        rules: tuple[Form, ...] = (),
+        like: Plan | None = None,
     ) -> None:
         variables = frozenset(description.variables)
         missing = [v for v in term.variables if v not in variables]
@@ -51,7 +58,10 @@ class Question(Form):
         self.rules = rules
         self.searched, self.known = term.of, term.given
         self.names = description.names
-        self.simplified: Simplified = simplify(description.relevant(term), self.searched, self.known, self.name)
+        factors = tuple(description.relevant(term))
+        kept = None if like is None else renewed(like, factors)
+        self.simplified: Simplified = kept or simplify(factors, self.searched, self.known, self.name)
+        self.plan = Plan(self.simplified, factors)
         if self.simplified.largest * 8 > largest:
             raise TooLarge(
                 f"{self.name} needs an array of {self.simplified.largest * 8 / 1e6:.0f} MB, more than the "

@@ -34,20 +34,22 @@ Lrl never below 12, what one robot's tours around one object spread by: one tour
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brp.counts import Laplace
-from brp.description import Specification
+from brp.description import Description, Specification
+from brp.errors import DataError
 from brp.factors import Density, Factor
 from brp.forms import Form, Switch, Uniform
 from brp.gaussian import Gaussian
-from brp.samples import Samples
+from brp.samples import Samples, weighed
 from brp.variables import P, Term, Variable
 
-__all__ = ["Lrl", "Met", "Nlt", "Nrt", "O", "Per", "pi_object", "recognise", "unacquainted"]
+__all__ = ["Lrl", "Met", "Nlt", "Nrt", "O", "Per", "pi_object", "recognise", "recognised", "unacquainted"]
 
 # [S8.1]
 Nlt = Variable("Nlt", range(25))
@@ -73,7 +75,7 @@ class Met(Form):
     def learn(self, term: Term, samples: Samples) -> Met:
         """With more samples."""
         counts = np.zeros(len(term.of[0])) if self.counts is None else self.counts
-        return Met(counts + np.bincount(samples[term.of[0]], samples.weights, minlength=len(counts)))
+        return Met(weighed(counts, samples[term.of[0]], samples.weights, term))
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
         """The same probability for each that was met, zero for the others."""
@@ -109,6 +111,24 @@ pi_object = Specification(
     name="pi-object",
 )
 
-unacquainted = pi_object.identify([], name="delta-0")  # no object has been presented
+# No object has been presented. "The learning process is incremental": ``unacquainted.learn(tour | {"O": o})`` is
+# the next description, o being what `recognised` says.
+unacquainted = pi_object.identify([], name="delta-object")
 
 recognise = unacquainted.ask(P(O | Nlt, Nrt, Per, Lrl))  # [E8.1]
+
+
+def recognised(knowing: Description, tour: Mapping[str, int]) -> int:
+    """The class of the object that ``tour`` (Nlt, Nrt, Per, Lrl) went around: a class met before, or a new one.
+
+    A new object gets the first class that has none yet. Raises `DataError` when every class has one.
+    """
+    known = {v.keyword: tour[v.name] for v in (Nlt, Nrt, Per, Lrl)}
+    o: int = knowing.ask(P(O | Nlt, Nrt, Per, Lrl))(**known).best()
+    if o:
+        return o
+    met = knowing.ask(P(O))()
+    free = [o for o in O.values if met[o] == 0]
+    if not free:
+        raise DataError(f"{known} is a new object, and all {len(O) - 1} classes of O have one")
+    return int(free[0])
