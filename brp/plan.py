@@ -32,6 +32,8 @@ LEAF = 8_000_000
 """The largest density that is written out as a table; above, it is computed where it is asked."""
 LIGHT = 100_000
 """The same for a density that holds far fewer numbers than its table: Per of 10 000 values, two numbers a class."""
+SHARED = 65_536
+"""The bytes up to which a table is compared with those that are there already."""
 SUMS = 8
 """How many sums may follow one another before their result is scaled up."""
 
@@ -83,12 +85,25 @@ def size(here: Node) -> float:
     return cells(here.scope) * cells(here.evidence) if here.evidence else cells(here.scope)
 
 
-def compiled(start: Node, known: tuple[Variable, ...], order: tuple[Variable, ...]) -> Compiled:
+def compiled(
+    start: Node, known: tuple[Variable, ...], order: tuple[Variable, ...], sizes: Sizes | None = None
+) -> Compiled:
     """Compile ``start``: known values in, an array with an axis for each of ``order`` out.
 
     An axis of a variable that ``start`` does not depend on has length 1.
     """
-    return _Compiler(known, Sizes(start)).compile(start, order)
+    return _Compiler(known, sizes or Sizes(start)).compile(start, order)
+
+
+def _written(leaf: Leaf, axes: tuple[Variable, ...]) -> Array:
+    """A density as probabilities, an axis for each of ``axes``."""
+    density = leaf.density
+    table = density.table
+    free = density.scope
+    if leaf.fixed:
+        free = tuple([v for v in free if v not in leaf.fixed])
+        table = table[tuple([leaf.fixed.get(v, slice(None)) for v in density.scope])]
+    return np.exp(table if free == axes else table.transpose([free.index(v) for v in axes]))
 
 
 class _Compiler:
@@ -114,6 +129,7 @@ class _Compiler:
         shape = self._lengths(start, order)
         result = climb(self._emit, start, order, shape, False)
         source, run = self._function("ask", result)
+        self.names.pop("tables", None)
         return Compiled(run, "\n\n".join([*self.sources, source]))
 
     def _function(self, name: str, result: str) -> tuple[str, Callable[[Sequence[int]], Array | None]]:
@@ -154,6 +170,16 @@ class _Compiler:
         self.names[name] = value
         return name
 
+    def _array(self, table: Array) -> str:
+        """A table as a constant: the same one for the same numbers, as they stand in a chain of equal terms."""
+        if table.nbytes > SHARED:
+            return self._constant(table)
+        key = (table.shape, table.tobytes())
+        tables: dict[Any, str] = self.names.setdefault("tables", {})
+        if key not in tables:
+            tables[key] = self._constant(table)
+        return tables[key]
+
     def _emit(
         self, here: Node, order: tuple[Variable, ...], shape: tuple[int, ...], scale: bool
     ) -> Generator[tuple[Any, ...], str, str]:
@@ -189,13 +215,13 @@ class _Compiler:
         known = tuple(sorted(evidence, key=self.rank.__getitem__))
         free = self._free(here)
         axes = (*known, *(v for v in order if v in free))
-        values = np.exp(logarithms(here, axes)) if isinstance(here, Leaf) else probabilities(here, axes)
+        values = _written(here, axes) if isinstance(here, Leaf) else probabilities(here, axes)
         if scale:
             rest = tuple(range(len(known), len(axes)))
             largest = values.max(axis=rest, keepdims=True)
-            values = values / np.where(largest > 0, largest, 1.0)  # nan stays, and is found at the end
-        table = np.ascontiguousarray(values).reshape(tuple(map(len, known)) + shape)
-        name = self._constant(table)
+            largest[~(largest > 0)] = 1.0  # nan stays, and is found at the end
+            values = values / largest
+        name = self._array(np.ascontiguousarray(values).reshape(tuple([len(v) for v in known]) + shape))
         return self._register(f"{name}[{', '.join(self.place[v] for v in known)}]") if known else name
 
     def _density(self, here: Leaf, order: tuple[Variable, ...], shape: tuple[int, ...]) -> str:

@@ -75,14 +75,15 @@ class Question(Form):
             )
         self._shape = tuple(map(len, self.searched))
         self._table: NDArray[np.float64] | None = None
-        if Sizes(self.start).folds(self.start):
+        sizes = Sizes(self.start)
+        if sizes.folds(self.start):
             # Every answer at once; a call then only looks it up, and keeps what it made of it.
             table = probabilities(self.start, (*self.known, *self.searched))
             self._table = table.reshape(-1, *self._shape)
             self._answers: list[Distribution | None] = [None] * len(self._table)
             self.source = "# every answer is in a table"
         else:
-            plan = compiled(self.start, self.known, self.searched)
+            plan = compiled(self.start, self.known, self.searched, sizes)
             self._run, self.source = plan.run, plan.source
         strides, stride = [0] * len(self.known), 1
         for number in reversed(range(len(self.known))):

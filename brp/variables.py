@@ -13,7 +13,6 @@ import keyword
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import prod
 from typing import Any
 
 import numpy as np
@@ -201,7 +200,10 @@ def text(words: Iterable[object]) -> str:
 
 def cells(variables: Iterable[Variable]) -> int:
     """How many values the conjunction of the variables has."""
-    return prod(len(variable) for variable in variables)
+    count = 1
+    for variable in variables:
+        count *= len(variable.values)
+    return count
 
 
 def _flat(part: Any) -> Iterator[Variable]:

@@ -155,7 +155,7 @@ def test_a_rule_must_fit_the_question() -> None:
         sure().where_impossible(Table([0.5, 0.5]))
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.data())
 def test_a_filled_question_is_a_conditional_distribution_wherever_it_stands(data: st.DataObject) -> None:
     """Alone, inside a program with its known variables summed out, in a Switch, renamed, its result known."""
