@@ -76,9 +76,12 @@ class Question(Form):
         self._shape = tuple(map(len, self.searched))
         self._table: NDArray[np.float64] | None = None
         sizes = Sizes(self.start)
+        matter = self.known
         if sizes.folds(self.start):
-            # Every answer at once; a call then only looks it up, and keeps what it made of it.
-            table = probabilities(self.start, (*self.known, *self.searched))
+            # Every answer at once; a call then only looks it up, and keeps what it made of it. What does not matter
+            # (a reading, once its cause is known) has no axis: the table would be as large as all that is known.
+            matter = tuple(v for v in self.known if self.start.has(v))
+            table = probabilities(self.start, (*matter, *self.searched))
             self._table = table.reshape(-1, *self._shape)
             self._answers: list[Distribution | None] = [None] * len(self._table)
             self.source = "# every answer is in a table"
@@ -87,8 +90,9 @@ class Question(Form):
             self._run, self.source = plan.run, plan.source
         strides, stride = [0] * len(self.known), 1
         for number in reversed(range(len(self.known))):
-            strides[number] = stride
-            stride *= len(self.known[number]) if self._table is not None else 1
+            if self.known[number] in matter:
+                strides[number] = stride
+                stride *= len(self.known[number]) if self._table is not None else 1
         self._steps = [
             (
                 v.keyword,
