@@ -16,6 +16,7 @@ turn = push.ask(P(Vrot | Dir, Prox))
 vrot = turn(Dir=3, Prox=12).draw(rng)
 """
 
+from brp.counts import Histogram, Laplace
 from brp.description import Description, Specification
 from brp.distribution import Distribution
 from brp.errors import (
@@ -32,7 +33,8 @@ from brp.errors import (
     Unidentified,
 )
 from brp.forms import Dirac, Form, Sigmoid, Switch, Table, Uniform
-from brp.gaussian import Gaussian, Nearest, Prior
+from brp.gaussian import Gaussian, Prior
+from brp.nearest import Nearest
 from brp.question import Question
 from brp.variables import P, Term, Value, Variable
 
@@ -45,7 +47,9 @@ __all__ = [
     "EvidenceError",
     "Form",
     "Gaussian",
+    "Histogram",
     "ImpossibleEvidence",
+    "Laplace",
     "Nearest",
     "NotAValue",
     "NotNumeric",

@@ -7,11 +7,16 @@ with data it is a description, and a description can be asked.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
+from typing import Any
 
-from brp.errors import SpecificationError
+from numpy.typing import ArrayLike
+
+from brp.errors import DataError, SpecificationError
 from brp.factors import Factor
 from brp.forms import Form
 from brp.question import LARGEST, Question
+from brp.renewal import Plan
 from brp.samples import Data, Samples
 from brp.variables import Term, Variable, text
 
@@ -45,19 +50,29 @@ class Specification:
         return tuple(term for term, form in self.forms.items() if form.free)
 
     def identify(
-        self, samples: Data | None = None, *, name: str = "", parameters: Mapping[Term, Form] | None = None
+        self,
+        samples: Data | None = None,
+        *,
+        name: str = "",
+        weights: ArrayLike | None = None,
+        parameters: Mapping[Term, Form] | None = None,
     ) -> Description:
         """The description that ``samples`` make of it; ``name`` is the data set's (``delta-push``).
 
-        ``samples`` are columns (a mapping from a variable's name to its values) or rows (mappings). ``parameters``
-        says of some free terms what they are, in place of the data: a table written by hand for a taught one.
+        ``samples`` are columns (a mapping from a variable's name to its values) or rows (mappings); ``weights``,
+        one number for each, say how many observations each counts as (1 unless told). ``parameters`` says of some
+        free terms what they are, in place of the data: a table written by hand for a taught one.
         """
         given = dict(parameters or {})
         for term in given:
             if term not in self.free:
                 raise SpecificationError(f"{term} of {self} has no free parameters that could be given")
         needed = {v for term in self.free if term not in given for v in term.variables}
-        read = Samples.of(samples, [v for v in self.variables if v in needed])
+        read = Samples.of(samples, [v for v in self.variables if v in needed], weights)
+        if (read.weights < 0).any():
+            raise DataError(
+                "a sample to identify from weighs less than nothing; description.forget(datum) removes one"
+            )
         forms = {
             term: given[term]
             if term in given
@@ -82,7 +97,7 @@ class Specification:
 class Description:
     """A specification whose free parameters are identified: a joint distribution, ready to be asked.
 
-    It is never changed; other data make another description.
+    It is never changed; other data make another description, as `learn` does.
     """
 
     def __init__(self, specification: Specification, forms: Mapping[Term, Form], name: str) -> None:
@@ -91,6 +106,7 @@ class Description:
         self._forms = dict(forms)
         self._factors: dict[Term, Factor] = {}
         self._questions: dict[tuple[Term, int], Question] = {}
+        self._plans: dict[tuple[Term, int], Plan] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -115,8 +131,39 @@ class Description:
         """
         key = (term, largest)
         if key not in self._questions:
-            self._questions[key] = Question(self, term, largest)
+            self._questions[key] = Question(self, term, largest, like=self._plans.get(key))
         return self._questions[key]
+
+    def learn(self, datum: Mapping[str, Any], *, weight: float = 1.0) -> Description:
+        """The next description: this one with one more datum, a value for each variable by name.
+
+        It is the description that all data together identify. What is kept of the data are sums (sufficient
+        statistics), so time and memory do not depend on how many there were. Questions asked of this description
+        keep their plan in the next one. Raises `DataError` or `NotAValue`.
+        """
+        if not 0 <= weight < inf:
+            raise DataError(f"a datum that weighs {weight} cannot be learnt; a weight is a number of observations")
+        return self._with(datum, weight)
+
+    def forget(self, datum: Mapping[str, Any], *, weight: float = 1.0) -> Description:
+        """The next description: this one without a datum that it learnt; the inverse of `learn`.
+
+        Raises `DataError` when sums show that the datum was never learnt.
+        """
+        if not 0 <= weight < inf:
+            raise DataError(f"a datum that weighs {weight} cannot be forgotten")
+        return self._with(datum, -weight)
+
+    def _with(self, datum: Mapping[str, Any], weight: float) -> Description:
+        needed = [v for v in self.variables if any(v in t.variables for t, f in self._forms.items() if f.learns)]
+        names = {key for v in needed for key in (v.name, v.keyword)}
+        read = Samples.of([{name: value for name, value in datum.items() if name in names}], needed, [weight])
+        forms = {term: form.learn(term, read) if form.learns else form for term, form in self._forms.items()}
+        following = Description(self.specification, forms, self.name)
+        following._factors = {t: factor for t, factor in self._factors.items() if forms[t] is self._forms[t]}
+        # The plans alone are handed on: a question would hold its description, and that one the one before it.
+        following._plans = self._plans | {key: question.plan for key, question in self._questions.items()}
+        return following
 
     def relevant(self, term: Term) -> list[Factor]:
         """The factors that a question depends on: those that lead to a searched or known variable.

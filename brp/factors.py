@@ -61,7 +61,8 @@ class Density(Factor):
     """A factor given by a function from places to logarithms.
 
     ``log`` takes one argument for each variable of `scope`, a place or an array of places, and returns the natural
-    logarithms of the probabilities over their broadcast shape.
+    logarithms of the probabilities over their broadcast shape. A ``light`` one holds far fewer numbers than its
+    table would: it is rather computed where it is asked than written out.
     """
 
     def __init__(
@@ -72,10 +73,12 @@ class Density(Factor):
         log: Callable[..., Logs],
         *,
         vanishes: bool,
+        light: bool = False,
     ) -> None:
         super().__init__(of, given, names)
         self.log = log
         self.vanishes = vanishes
+        self.light = light
 
     @cached_property
     def table(self) -> Logs:
@@ -87,7 +90,7 @@ class Density(Factor):
     def renamed(self, new: Mapping[Variable, Variable]) -> Density:
         """The same factor over other variables."""
         of, given = _rename(self.of, new), _rename(self.given, new)
-        return Density(of, given, self.names, self.log, vanishes=self.vanishes)
+        return Density(of, given, self.names, self.log, vanishes=self.vanishes, light=self.light)
 
 
 class Cases(Factor):

@@ -7,7 +7,7 @@ is a form as well (the paper's Bayesian subroutine); it is defined with the ques
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 from typing import Any
 
@@ -29,9 +29,24 @@ class Form:
     free: bool = False
     """Whether it has parameters that only data can identify."""
 
+    learns: bool = False
+    """Whether samples change it: it is free, or was identified from samples and can take more."""
+
+    names: tuple[str, ...] = ()
+    """Of a question: the names of the description that it asks, as they stand right of the bar."""
+
+    @property
+    def inner(self) -> tuple[Form, ...]:
+        """The forms that it is made of."""
+        return ()
+
     def identify(self, term: Term, samples: Samples) -> Form:
         """The form without free parameters; itself when it has none."""
         return self
+
+    def learn(self, term: Term, samples: Samples) -> Form:
+        """The form after more samples: of a free form, as they identify it; itself when it does not learn."""
+        return self.identify(term, samples)
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
         """P(of | given) for the engine; raises `SpecificationError` when the form does not fit the term."""
@@ -59,10 +74,11 @@ class Table(Form):
       is not mentioned has probability zero.
     * A function takes some of the term's variables by name and returns the probability.
 
-    Every distribution in it must sum to one (within 1e-6; it is then made exact).
+    ``"x"`` in place of a number is an equal share of what the numbers in its distribution leave, as in tables 2 to
+    6 of the paper. Every distribution in it must sum to one (within 1e-6; it is then made exact).
     """
 
-    def __init__(self, table: ArrayLike | Mapping[Any, Any] | Callable[..., float]) -> None:
+    def __init__(self, table: ArrayLike | Sequence[Any] | Mapping[Any, Any] | Callable[..., float]) -> None:
         self.table = table
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
@@ -76,10 +92,11 @@ class Table(Form):
         elif isinstance(self.table, Mapping):
             p = _from_mapping(self.table, term)
         else:
-            p = np.asarray(self.table, dtype=np.float64)
+            p = _numbers(self.table, term)
         shape = tuple(map(len, term.of + given))
         if p.shape != shape:
             raise SpecificationError(f"the table of {term} has the shape {p.shape}, and its variables want {shape}")
+        p = _shared(p, len(term.of))
         _proper(p, term, given)
         p = p / p.sum(axis=tuple(range(len(term.of))))
         with np.errstate(divide="ignore"):
@@ -180,11 +197,24 @@ class Switch(Form):
     def identify(self, term: Term, samples: Samples) -> Switch:
         """Each case from the samples in which the command variable had its value."""
         within = self._within(term)
-        cases: dict[Any, Form] = {}
-        for key, form in self.cases.items():
-            places = [self.variable.place(value) for value in (key if isinstance(key, tuple) else (key,))]
-            cases[key] = form.identify(within, samples.where(self.variable, places)) if form.free else form
-        return Switch(self.variable, cases)
+        return self._with(
+            lambda form, places: form.identify(within, samples.where(self.variable, places)) if form.free else form
+        )
+
+    @property
+    def inner(self) -> tuple[Form, ...]:
+        """Its cases."""
+        return tuple(self.cases.values())
+
+    @property
+    def learns(self) -> bool:  # type: ignore[override]  # likewise
+        """Whether one of the cases learns."""
+        return any(form.learns for form in self.cases.values())
+
+    def learn(self, term: Term, samples: Samples) -> Switch:
+        """Each case, with the samples in which the command variable had its value."""
+        within = self._within(term)
+        return self._with(lambda form, places: form.learn(within, samples.where(self.variable, places)))
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
         """The cases, side by side."""
@@ -192,6 +222,14 @@ class Switch(Form):
         factors = {id(form): form.factor(within, names) for form in self.cases.values()}
         branches = tuple(factors[id(self._forms[place])] for place in range(len(self.variable)))
         return Cases(term.of, names, self.variable, branches)
+
+    def _with(self, change: Callable[[Form, list[int]], Form]) -> Switch:
+        """Each case changed, by a function of its form and the command variable's places that it is for."""
+        cases = {}
+        for key, form in self.cases.items():
+            places = [self.variable.place(value) for value in (key if isinstance(key, tuple) else (key,))]
+            cases[key] = change(form, places) if form.learns else form
+        return Switch(self.variable, cases)
 
     def _within(self, term: Term) -> Term:
         if self.variable not in term.given:
@@ -223,11 +261,40 @@ def _from_mapping(table: Mapping[Any, Any], term: Term) -> NDArray[np.float64]:
 
 def _fill(p: NDArray[np.float64], column: Any, term: Term) -> None:
     if not isinstance(column, Mapping):
-        p[...] = np.asarray(column, dtype=np.float64)
+        p[...] = _numbers(column, term)
         return
     for key, probability in column.items():
         parts = (key,) if len(term.of) == 1 else key
-        p[tuple(v.place(part) for v, part in zip(term.of, parts, strict=True))] = probability
+        p[tuple(v.place(part) for v, part in zip(term.of, parts, strict=True))] = _numbers(probability, term)
+
+
+def _numbers(table: Any, term: Term) -> NDArray[np.float64]:
+    """Numbers, or nan where an "x" stands."""
+    plain = isinstance(table, np.ndarray) and table.dtype.kind in "fiu"  # numbers already: no objects in between
+    array = table if plain else np.asarray(table, dtype=object)
+    marks = np.zeros(array.shape, dtype=bool) if plain else array == "x"
+    try:
+        p = np.where(marks, 0.0, array).astype(np.float64)
+    except (TypeError, ValueError):
+        raise SpecificationError(f'the table of {term} holds something that is neither a number nor "x"') from None
+    if np.isnan(p).any():
+        raise SpecificationError(f"the table of {term} holds something that is no probability")
+    p[marks] = np.nan
+    return p
+
+
+def _shared(p: NDArray[np.float64], of: int) -> NDArray[np.float64]:
+    """Each nan is replaced by an equal share of what the numbers of its distribution leave."""
+    marks = np.isnan(p)
+    if not marks.any():
+        return p
+    axes = tuple(range(of))
+    shares = marks.sum(axis=axes)
+    left = 1 - np.where(marks, 0.0, p).sum(axis=axes)
+    # Decimals that sum to one may leave a crumb; what is more negative is refused as no probability.
+    left = np.where(np.abs(left) < 1e-12, 0.0, left)
+    share = np.divide(left, shares, out=np.zeros_like(left), where=shares > 0)
+    return np.where(marks, share, p)
 
 
 def _proper(p: NDArray[np.float64], term: Term, given: tuple[Variable, ...]) -> None:

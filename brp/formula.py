@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any
 
-from brp.expression import Conditional, Leaf, Node, Slice, Split, Sum, climb
+from brp.expression import Conditional, Leaf, Node, Otherwise, Slice, Split, Sum, climb
 from brp.factors import label
 from brp.simplification import Simplified
 from brp.variables import text
@@ -43,6 +43,9 @@ def _write(here: Node, depth: int) -> Generator[tuple[Any, ...], str, str]:
         return _short("{ " + f"{indent}; ".join(parts) + " }")
     if isinstance(here, Conditional):
         return here.name
+    if isinstance(here, Otherwise):
+        first, second = (yield (here.children[0], depth)), (yield (here.children[1], depth))
+        return f"{{ {first}; where it is impossible {second} }}"
     if isinstance(here, Slice):
         where = ", ".join(f"{v} = {v.values[place]}" for v, place in here.fixed.items())
         return f"{(yield (here.children[0], depth))} at {where}"

@@ -7,38 +7,29 @@ is stated in the form: the nearest position seen, a prior, or uniform.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brp.errors import SpecificationError, Unidentified
+from brp.errors import DataError, SpecificationError, Unidentified
 from brp.factors import Density, Factor
 from brp.forms import Form
-from brp.functions import Function, tabulate
-from brp.samples import Samples
-from brp.variables import Term, Variable, cells
+from brp.functions import tabulate
+from brp.nearest import Nearest, nearest
+from brp.samples import Samples, weighed
+from brp.variables import Term, Variable
 
 __all__ = ["Gaussian", "Nearest", "Prior", "Taught"]
 
 Parameter = Callable[..., float] | float
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True)
-class Nearest:
-    """A cell that no sample visited answers as the nearest one that was visited.
-
-    Distance is Euclidean in the values (in the places, for words), each variable stretched by its ``scale`` (by
-    name; 1 unless told). ``within`` is a function of some of the given variables, by name: the nearest cell is
-    looked for among those for which it returns the same, and among all of them only when none of these was
-    visited. Measured on taught behaviours: nothing else that was tried works as well.
-    """
-
-    scale: Mapping[str, float] = field(default_factory=dict)
-    within: Callable[..., Any] | None = None
+NEAREST = Nearest()
+CHUNK = 1_000_000
+"""How many exponents are held at a time while their sums are taken."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +55,7 @@ class Gaussian(Form):
         mean: Parameter | None = None,
         deviation: Parameter | None = None,
         *,
-        unvisited: Nearest | Prior | Literal["uniform"] = Nearest(),
+        unvisited: Nearest | Prior | Literal["uniform"] = NEAREST,
         floor: float = 0.7,
     ) -> None:
         if (mean is None) != (deviation is None):
@@ -75,26 +66,15 @@ class Gaussian(Form):
         self.deviation = deviation
         self.unvisited = unvisited
         self.floor = floor
-        self.free = mean is None
+        self.free = self.learns = mean is None
 
     def identify(self, term: Term, samples: Samples) -> Form:
         """Count, mean and deviation of each cell."""
         if self.mean is not None:
             return self
-        of = _only(term)
-        shape = tuple(map(len, term.given))
-        values = of.numbers[samples[of]]
-        cell = np.zeros(len(values), dtype=np.intp)
-        for variable in term.given:
-            cell = cell * len(variable) + samples[variable]
-
-        def each(weights: Array) -> Array:
-            return np.bincount(cell, weights, minlength=cells(term.given)).astype(np.float64)
-
-        count = each(np.ones(len(values)))
-        mean = np.divide(each(values), count, out=np.zeros_like(count), where=count > 0)
-        squares = each((values - mean[cell]) ** 2)
-        return Taught(self, count.reshape(shape), mean.reshape(shape), squares.reshape(shape))
+        _only(term)
+        nothing = np.zeros(tuple(map(len, term.given)))
+        return Taught(self, nothing, nothing, nothing).learn(term, samples)
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
         """From the given mean and deviation; a free one answers only what its prior says."""
@@ -119,52 +99,77 @@ class Gaussian(Form):
 
 
 class Taught(Form):
-    """A Gaussian with identified parameters: count, mean and sum of squared differences of each cell.
+    """A Gaussian with identified parameters: what is sufficient to know of the samples of each cell.
 
-    The arrays have an axis for each given variable, in the term's order.
+    ``count`` is their number (the sum of their weights), ``first`` and ``second`` the sums of their differences
+    from the variable's middle value and of the squares of these. The arrays have an axis for each given variable,
+    in the term's order. Sums of whole numbers are exact, so the order of the samples makes no difference, and
+    removing one leaves what was there before it.
     """
 
-    def __init__(self, form: Gaussian, count: Array, mean: Array, squares: Array) -> None:
+    learns = True
+
+    def __init__(self, form: Gaussian, count: Array, first: Array, second: Array) -> None:
         self.form = form
         self.count = count
-        self.sample_mean = mean
-        self.squares = squares
+        self.first = first
+        self.second = second
+
+    def learn(self, term: Term, samples: Samples) -> Taught:
+        """The sums with more samples; refuses to remove what was never there."""
+        of = _only(term)
+        difference = of.numbers[samples[of]] - _middle(of)
+        at, weights = samples.cells(term.given), samples.weights
+        count = weighed(self.count, at, weights, term)
+        first, second = self.first.copy(), self.second.copy()
+        np.add.at(first.reshape(-1), at, weights * difference)
+        np.add.at(second.reshape(-1), at, weights * difference * difference)
+        if (weights < 0).any():
+            first[count == 0] = second[count == 0] = 0.0
+            if (count * second - first**2 < -1e-9 * (1 + first**2)).any():
+                raise DataError(f"{term} cannot forget a datum that it never learnt")
+        return Taught(self.form, count, first, second)
 
     def parameters(self, term: Term) -> tuple[Array, Array]:
         """The mean and the deviation that each cell answers with; nan and infinity where it is uniform."""
         visited = self.count > 0
-        mean = self.sample_mean.copy()
-        deviation = np.sqrt(np.divide(self.squares, self.count, out=np.zeros_like(mean), where=visited))
+        mean, variance = self._moments(_only(term))
+        deviation = np.sqrt(variance)
         rule = self.form.unvisited
         if isinstance(rule, Prior):
-            mean, deviation = self._with(rule)
+            mean, deviation = self._with(rule, mean, variance)
         elif isinstance(rule, Nearest):
             if not visited.any():
                 raise Unidentified(f"no data has identified {term}: call identify(samples) with some")
-            nearest = _nearest(visited, term.given, rule, f"the border of {term}")
-            mean, deviation = mean[nearest], deviation[nearest]
+            answers = nearest(visited, term.given, rule, f"the border of {term}")
+            mean, deviation = mean[answers], deviation[answers]
         else:
-            mean[~visited], deviation[~visited] = np.nan, np.inf
+            mean, deviation = np.where(visited, mean, np.nan), np.where(visited, deviation, np.inf)
         return mean, np.maximum(deviation, self.form.floor)
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
         """The identified Gaussians."""
         return _density(term, term.given, names, *self.parameters(term))
 
-    def _with(self, prior: Prior) -> tuple[Array, Array]:
+    def _moments(self, of: Variable) -> tuple[Array, Array]:
+        """Mean and variance of the samples of each cell; zero where there are none."""
+        count = np.where(self.count > 0, self.count, 1.0)
+        variance = np.maximum(0.0, count * self.second - self.first**2) / count**2
+        return np.where(self.count > 0, _middle(of) + self.first / count, 0.0), variance
+
+    def _with(self, prior: Prior, mean: Array, variance: Array) -> tuple[Array, Array]:
         weight = self.count + prior.strength
         none = weight == 0
         share = np.divide(self.count, weight, out=np.zeros_like(weight), where=~none)
-        mean = prior.mean + share * (self.sample_mean - prior.mean)
         # Squared differences about the joint mean: within the samples, within the prior, between the two.
-        between = self.count * (1 - share) * (self.sample_mean - prior.mean) ** 2
-        squares = self.squares + prior.strength * prior.deviation**2 + between
-        variance = np.divide(squares, weight, out=np.full_like(weight, prior.deviation**2), where=~none)
-        return mean, np.sqrt(variance)
+        between = self.count * (1 - share) * (mean - prior.mean) ** 2
+        squares = self.count * variance + prior.strength * prior.deviation**2 + between
+        joint = np.divide(squares, weight, out=np.full_like(weight, prior.deviation**2), where=~none)
+        return prior.mean + share * (mean - prior.mean), np.sqrt(joint)
 
     def __repr__(self) -> str:
         visited = int((self.count > 0).sum())
-        return f"<{self.form!r} identified from {int(self.count.sum())} samples in {visited} cells>"
+        return f"<{self.form!r} identified from {self.count.sum():g} samples in {visited} cells>"
 
 
 def _only(term: Term) -> Variable:
@@ -184,43 +189,32 @@ def _density(
         scaled = (x[value] - centre[at]) / width[at]
         return np.where(flat[at], 0.0, -0.5 * scaled * scaled)
 
-    # The largest exponent comes out of the sum first: far from every value, all of the terms would underflow.
-    each = exponent(np.arange(len(x)).reshape(-1, *(1 for _ in given)), ...)
-    largest = each.max(axis=0)
-    total = largest + np.log(np.exp(each - largest).sum(axis=0))
+    totals: list[Array] = []
 
     def log(value: Any, *at: Any) -> Array:
-        logs: Array = exponent(value, at) - total[at]
+        if not totals:
+            totals.append(_totals(x, centre, width, flat))
+        logs: Array = exponent(value, at) - totals[0][at]
         return logs
 
-    return Density(term.of, given, names, log, vanishes=False)
+    return Density(term.of, given, names, log, vanishes=False, light=True)
 
 
-def _nearest(
-    visited: NDArray[np.bool_], given: tuple[Variable, ...], rule: Nearest, what: str
-) -> tuple[NDArray[np.intp], ...]:
-    """For every cell the visited one that answers for it, as an index array for each given variable."""
-    axes = [
-        (v.numbers if v.numeric else np.arange(len(v), dtype=np.float64)) * rule.scale.get(v.name, 1.0)
-        for v in given
-    ]
-    mesh = np.meshgrid(*axes, indexing="ij")
-    at = np.stack([axis.ravel() for axis in mesh], axis=1) if axes else np.zeros((1, 0))
-    seen = np.flatnonzero(visited)
-    region = _regions(given, rule, what)
-    distance = ((at[:, None, :] - at[None, seen, :]) ** 2).sum(axis=2)
-    elsewhere = region[:, None] != region[None, seen]
-    distance[elsewhere & ~elsewhere.all(axis=1)[:, None]] = np.inf
-    answer = seen[distance.argmin(axis=1)].reshape(visited.shape)
-    return tuple(np.unravel_index(answer, visited.shape)) if given else ()
+def _totals(x: Array, centre: Array, width: Array, flat: NDArray[np.bool_]) -> Array:
+    """The logarithm of the sum over all values, for each cell; a few cells at a time."""
+    total = np.empty(centre.size)
+    middle, deviation, uniform = centre.ravel(), width.ravel(), flat.ravel()
+    step = max(1, CHUNK // len(x))
+    for start in range(0, centre.size, step):
+        part = slice(start, start + step)
+        scaled = (x[:, None] - middle[part]) / deviation[part]
+        each = np.where(uniform[part], 0.0, -0.5 * scaled * scaled)
+        # The largest exponent comes out of the sum first: far from every value, all of the terms would underflow.
+        largest = each.max(axis=0)
+        total[part] = largest + np.log(np.exp(each - largest).sum(axis=0))
+    return total.reshape(centre.shape)
 
 
-def _regions(given: tuple[Variable, ...], rule: Nearest, what: str) -> NDArray[np.intp]:
-    shape = tuple(map(len, given))
-    if rule.within is None:
-        return np.zeros(shape, dtype=np.intp).ravel()
-    function = Function(rule.within, given, what)
-    numbers: dict[Any, int] = {}
-    rows = np.array([numbers.setdefault(row, len(numbers)) for row in function.rows()], dtype=np.intp)
-    rows = rows.reshape([len(v) if v in function.used else 1 for v in given])
-    return np.broadcast_to(rows, shape).ravel()
+def _middle(of: Variable) -> float:
+    """The value from which differences are taken: near the samples, so that their squares stay small."""
+    return float(of.values[len(of) // 2])

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brp.expression import Conditional, Leaf, Node, Product, Slice, Split, Sum, climb, postorder
+from brp.expression import Conditional, Leaf, Node, Otherwise, Product, Slice, Split, Sum, climb, postorder
 from brp.factors import Density
 from brp.variables import Variable
 
@@ -70,10 +70,15 @@ def logarithms(
             if own:
                 others = {v: place for v, place in fixed.items() if v not in own}
                 free = tuple(v for v in here.variables) + _first(here, {*others, *here.variables})
-                inside = logarithms(here, free, others, without)
+                inside = np.broadcast_to(logarithms(here, free, others, without), tuple(map(len, free)))
                 part = tuple(v for v in free if v not in own), inside[tuple(own.get(v, slice(None)) for v in free)]
             else:
                 part = _divide((yield (here.children[0],)), here.variables)
+        elif isinstance(here, Otherwise):
+            parts = [(yield (here.children[0],)), (yield (here.children[1],))]
+            axes = _union(parts)
+            first, second = np.broadcast_arrays(*(_spread(part, axes) for part in parts))
+            part = axes, np.where(np.isnan(first), second, first)
         elif isinstance(here, Slice):
             axes, logs = yield (here.children[0],)
             kept = tuple(v for v in axes if v not in here.fixed)

@@ -10,16 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brp.expression import Conditional, Leaf, Node, Product, Slice, Split, Sum, climb, postorder
+from brp.expression import Conditional, Leaf, Node, Otherwise, Product, Slice, Split, Sum, climb, postorder
 from brp.logs import logarithms
 from brp.variables import Variable, cells
 
-__all__ = ["FOLD", "Compiled", "compiled", "foldable", "probabilities"]
+__all__ = ["FOLD", "Compiled", "Sizes", "compiled", "probabilities"]
 
 FOLD = 300_000
 """The largest table, in numbers, that a part of a question (or all of it) is folded into when it is compiled."""
@@ -29,6 +30,10 @@ EFFORT = 20_000_000
 """The most numbers that are computed to fill one such table."""
 LEAF = 8_000_000
 """The largest density that is written out as a table; above, it is computed where it is asked."""
+LIGHT = 100_000
+"""The same for a density that holds far fewer numbers than its table: Per of 10 000 values, two numbers a class."""
+SHARED = 65_536
+"""The bytes up to which a table is compared with those that are there already."""
 SUMS = 8
 """How many sums may follow one another before their result is scaled up."""
 
@@ -51,48 +56,80 @@ def probabilities(start: Node, order: Sequence[Variable]) -> Array:
     return np.ascontiguousarray(np.broadcast_to(values, shape))
 
 
-def foldable(start: Node) -> dict[int, bool]:
-    """For each node below ``start``, by identity, whether it is small enough, with all inside it, to be a table."""
-    effort: dict[int, int] = {}
-    small: dict[int, bool] = {}
-    for here in postorder(start):
-        inside = cells(here.scope)
-        if isinstance(here, Sum):
-            inside *= cells(here.variables)
-        effort[id(here)] = inside + sum(effort[id(child)] for child in here.children)
-        small[id(here)] = cells(here.scope) <= FOLD and effort[id(here)] <= EFFORT
-    return small
+class Sizes:
+    """Which nodes are small enough, with all inside them, to be tables."""
+
+    def __init__(self, start: Node) -> None:
+        self._effort: dict[int, float] = {}
+        self.add(start)
+
+    def add(self, start: Node) -> None:
+        """Take up a node that was made later."""
+        for here in postorder(start, self._effort):
+            inside = size(here)
+            if isinstance(here, Sum):
+                inside *= cells(here.variables)
+            for child in here.children:
+                inside += self._effort[id(child)]
+            self._effort[id(here)] = inside
+
+    def folds(self, here: Node) -> bool:
+        """Whether the node is to be a table."""
+        return self._effort[id(here)] <= EFFORT and size(here) <= FOLD
 
 
-def compiled(start: Node, known: tuple[Variable, ...], order: tuple[Variable, ...]) -> Compiled:
+def size(here: Node) -> float:
+    """How many numbers a node is for all known values; infinity when they are too many."""
+    if here.evidence is None:
+        return inf
+    return cells(here.scope) * cells(here.evidence) if here.evidence else cells(here.scope)
+
+
+def compiled(
+    start: Node, known: tuple[Variable, ...], order: tuple[Variable, ...], sizes: Sizes | None = None
+) -> Compiled:
     """Compile ``start``: known values in, an array with an axis for each of ``order`` out.
 
     An axis of a variable that ``start`` does not depend on has length 1.
     """
-    return _Compiler(known).compile(start, order)
+    return _Compiler(known, sizes or Sizes(start)).compile(start, order)
+
+
+def _written(leaf: Leaf, axes: tuple[Variable, ...]) -> Array:
+    """A density as probabilities, an axis for each of ``axes``."""
+    density = leaf.density
+    table = density.table
+    free = density.scope
+    if leaf.fixed:
+        free = tuple([v for v in free if v not in leaf.fixed])
+        table = table[tuple([leaf.fixed.get(v, slice(None)) for v in density.scope])]
+    return np.exp(table if free == axes else table.transpose([free.index(v) for v in axes]))
 
 
 class _Compiler:
     """Turns an expression into the source of a Python function over named arrays."""
 
-    def __init__(self, known: tuple[Variable, ...], names: dict[str, Any] | None = None) -> None:
+    def __init__(self, known: tuple[Variable, ...], sizes: Sizes, names: dict[str, Any] | None = None) -> None:
         self.known = known
+        self.sizes = sizes
+        self.rank = {v: number for number, v in enumerate(known)}
         self.place = {v: f"i{number}" for number, v in enumerate(known)}
         self.names: dict[str, Any] = {"np": np, "dot": np.dot, "TINY": TINY} if names is None else names
         self.lines: list[str] = []
-        self.made: dict[tuple[int, tuple[Variable, ...], tuple[int, ...]], str] = {}
+        self.made: dict[tuple[int, tuple[Variable, ...], tuple[int, ...], bool], str] = {}
         self.depth: dict[str, int] = {}
         self.registers = 0
         self.sources: list[str] = []
-        self.small: dict[int, bool] = {}
         self.root: Node | None = None
 
     def compile(self, start: Node, order: tuple[Variable, ...]) -> Compiled:
         self.root = start
-        self.small = foldable(start)
-        shape = tuple(len(v) if v in start.scope else 1 for v in order)
+        while isinstance(self.root, Otherwise):
+            self.root = self.root.children[0]
+        shape = self._lengths(start, order)
         result = climb(self._emit, start, order, shape, False)
         source, run = self._function("ask", result)
+        self.names.pop("tables", None)
         return Compiled(run, "\n\n".join([*self.sources, source]))
 
     def _function(self, name: str, result: str) -> tuple[str, Callable[[Sequence[int]], Array | None]]:
@@ -106,14 +143,19 @@ class _Compiler:
 
     # What can be folded.
 
-    def _free(self, here: Node) -> set[Variable]:
-        return {v for v in here.scope if v not in self.place}
+    def _free(self, here: Node) -> frozenset[Variable]:
+        """Its free variables: where a table is made of a part, those that are known around it as well."""
+        return here.scope if self.known or not here.evidence else here.scope | here.evidence
+
+    def _lengths(self, here: Node, order: tuple[Variable, ...]) -> tuple[int, ...]:
+        free = self._free(here)
+        return tuple([len(v) if v in free else 1 for v in order])
 
     def _folds(self, here: Node) -> bool:
         if isinstance(here, Leaf):
-            return cells(here.scope) <= LEAF
+            return size(here) <= (LIGHT if here.density.light else LEAF)
         # With nothing known, and of the whole, a fold would be the very computation that is being compiled.
-        return bool(self.known) and here is not self.root and self.small[id(here)]
+        return bool(self.known) and here is not self.root and self.sizes.folds(here)
 
     # Lines of source.
 
@@ -128,6 +170,16 @@ class _Compiler:
         self.names[name] = value
         return name
 
+    def _array(self, table: Array) -> str:
+        """A table as a constant: the same one for the same numbers, as they stand in a chain of equal terms."""
+        if table.nbytes > SHARED:
+            return self._constant(table)
+        key = (table.shape, table.tobytes())
+        tables: dict[Any, str] = self.names.setdefault("tables", {})
+        if key not in tables:
+            tables[key] = self._constant(table)
+        return tables[key]
+
     def _emit(
         self, here: Node, order: tuple[Variable, ...], shape: tuple[int, ...], scale: bool
     ) -> Generator[tuple[Any, ...], str, str]:
@@ -136,7 +188,7 @@ class _Compiler:
         ``order`` has every free variable of the node (others have length 1), and ``shape`` is that array reshaped.
         ``scale``: whether the array may be multiplied by any one number.
         """
-        key = (id(here), order, shape)
+        key = (id(here), order, shape, scale)
         if key not in self.made:
             if self._folds(here):
                 self.made[key] = self._table(here, order, shape, scale)
@@ -148,6 +200,8 @@ class _Compiler:
                 self.made[key] = yield from self._split(here, order, shape, scale)
             elif isinstance(here, Conditional):
                 self.made[key] = yield from self._conditional(here, order, shape)
+            elif isinstance(here, Otherwise):
+                self.made[key] = yield from self._otherwise(here, order, shape)
             elif isinstance(here, Slice):
                 self.made[key] = yield from self._slice(here, order, shape)
             else:
@@ -157,20 +211,23 @@ class _Compiler:
 
     def _table(self, here: Node, order: tuple[Variable, ...], shape: tuple[int, ...], scale: bool) -> str:
         """A table, the known variables first: what is asked of it is one contiguous piece."""
-        known = tuple(v for v in self.known if v in here.scope)
-        axes = (*known, *(v for v in order if v in here.scope))
-        values = np.exp(logarithms(here, axes)) if isinstance(here, Leaf) else probabilities(here, axes)
+        evidence = (v for v in here.evidence or () if v in self.rank)
+        known = tuple(sorted(evidence, key=self.rank.__getitem__))
+        free = self._free(here)
+        axes = (*known, *(v for v in order if v in free))
+        values = _written(here, axes) if isinstance(here, Leaf) else probabilities(here, axes)
         if scale:
             rest = tuple(range(len(known), len(axes)))
             largest = values.max(axis=rest, keepdims=True)
-            values = values / np.where(largest > 0, largest, 1.0)  # nan stays, and is found at the end
-        table = np.ascontiguousarray(values).reshape(tuple(map(len, known)) + shape)
-        name = self._constant(table)
+            largest[~(largest > 0)] = 1.0  # nan stays, and is found at the end
+            values = values / largest
+        name = self._array(np.ascontiguousarray(values).reshape(tuple([len(v) for v in known]) + shape))
         return self._register(f"{name}[{', '.join(self.place[v] for v in known)}]") if known else name
 
     def _density(self, here: Leaf, order: tuple[Variable, ...], shape: tuple[int, ...]) -> str:
         """A density too large for a table, computed where it is asked."""
-        axes = tuple(v for v in order if v in here.scope)
+        free = self._free(here)
+        axes = tuple(v for v in order if v in free)
         mesh = dict(zip(axes, np.ix_(*(np.arange(len(v)) for v in axes)), strict=True))
         arguments = []
         for v in here.density.scope:
@@ -189,7 +246,7 @@ class _Compiler:
             return (yield (children[0], order, shape, scale))
         names = []
         for child in sorted(children, key=lambda child: cells(self._free(child))):
-            own = tuple(len(v) if v in child.scope else 1 for v in order)
+            own = self._lengths(child, order)
             names.append((yield (child, order, own, scale)))
         if not names:
             return self._constant(np.ones(shape))
@@ -198,7 +255,7 @@ class _Compiler:
         return self._reshaped(result, tuple(self._length(children, v) for v in order), shape)
 
     def _length(self, nodes: Sequence[Node], variable: Variable) -> int:
-        return len(variable) if any(variable in n.scope for n in nodes) else 1
+        return len(variable) if any(variable in self._free(n) for n in nodes) else 1
 
     def _reshaped(self, name: str, now: tuple[int, ...], shape: tuple[int, ...]) -> str:
         if now == shape:
@@ -213,13 +270,13 @@ class _Compiler:
         child = here.children[0]
         if isinstance(child, Split) and child.variable in here.variables:
             rest = tuple(v for v in here.variables if v != child.variable)
-            natural = tuple(len(v) if v in here.scope else 1 for v in order)
+            natural = self._lengths(here, order)
             names = []
             for branch in child.children:
                 part = Sum(rest, branch) if rest else branch
-                self.small |= foldable(part)
+                self.sizes.add(part)
                 self.names[f"keep{len(self.names)}"] = part  # its id is a key of `made`
-                own = tuple(len(v) if v in part.scope else 1 for v in order)
+                own = self._lengths(part, order)
                 names.append((yield (part, order, own, False)))
             return self._reshaped(self._register(" + ".join(names)), natural, shape)
         result = yield from self._contract(child, here.variables, order, shape, scale)
@@ -241,12 +298,12 @@ class _Compiler:
         scale: bool,
     ) -> Generator[tuple[Any, ...], str, str]:
         """The sum of a product over ``variables``: small factors make weights, one matrix product does the rest."""
-        summed = tuple(v for v in variables if v in child.scope)
-        absent = cells(v for v in variables if v not in child.scope)
+        summed = tuple([v for v in variables if v in child.scope])
+        absent = cells([v for v in variables if v not in child.scope])
         members = child.children if isinstance(child, Product) and not self._folds(child) else (child,)
         big = max(members, key=lambda member: cells(self._free(member)), default=child)
         small = tuple(member for member in members if member is not big)
-        light: set[Variable] = set().union(*(self._free(member) for member in small))
+        light = frozenset().union(*[self._free(member) for member in small])
         heavy = self._free(big)
         shared = tuple(v for v in summed if v in light and v in heavy)
         if len(shared) < len(variables) or not small:
@@ -288,11 +345,11 @@ class _Compiler:
         if here.variable in self.place:
             return self._choice(here, order, shape, scale)
         # The command variable is searched, or summed further out: the cases side by side.
-        lengths = tuple(len(v) if v in here.scope else 1 for v in order)
+        lengths = self._lengths(here, order)
         axis = order.index(here.variable)
         result = self._register(f"np.empty({lengths})")
         for number, branch in enumerate(here.children):
-            own = tuple(len(v) if v in branch.scope else 1 for v in order)
+            own = self._lengths(branch, order)
             name = yield (branch, order, own, False)
             at = ", ".join([*(":" for _ in range(axis)), f"{number}:{number + 1}"])
             self.lines.append(f"{result}[{at}] = {name}")
@@ -301,11 +358,10 @@ class _Compiler:
     def _choice(self, here: Split, order: tuple[Variable, ...], shape: tuple[int, ...], scale: bool) -> str:
         """A function for each value of a known command variable."""
         functions = []
-        natural = tuple(len(v) if v in here.scope else 1 for v in order)
+        natural = self._lengths(here, order)
         for number, branch in enumerate(here.children):
-            inner = _Compiler(self.known, self.names)
-            inner.small = self.small
-            own = tuple(len(v) if v in branch.scope else 1 for v in order)
+            inner = _Compiler(self.known, self.sizes, self.names)
+            own = self._lengths(branch, order)
             result = climb(inner._emit, branch, order, own, scale)
             if own != natural:
                 result = inner._register(f"np.broadcast_to({result}, {natural})")
@@ -324,9 +380,10 @@ class _Compiler:
         if outside:
             return self._asked_within(here, outside, order, shape)
         child = here.children[0]
-        rest = tuple(v for v in order if v in here.scope and v not in here.variables)
+        free = self._free(here)
+        rest = tuple(v for v in order if v in free and v not in here.variables)
         inner = (*rest, *here.variables)
-        own = tuple(len(v) if v in child.scope else 1 for v in inner)
+        own = self._lengths(child, inner)
         name = yield (child, inner, own, True)
         full = tuple(map(len, inner))
         if own != full:
@@ -345,22 +402,33 @@ class _Compiler:
             total = self._register(f"dot({name}, {ones})")
             self.lines.append(f"if not {total} > TINY: return None")
             result = self._register(f"{name} / {total}")
-        wanted = tuple(v for v in order if v in here.scope)
+        wanted = tuple(v for v in order if v in free or v in here.variables)
         if wanted != inner:
             result = self._reshaped(result, flat, full)
             result = self._register(f"{result}.transpose({tuple(inner.index(v) for v in wanted)})")
             return self._reshaped(result, tuple(map(len, wanted)), shape)
         return self._reshaped(result, flat, shape)
 
+    def _otherwise(
+        self, here: Otherwise, order: tuple[Variable, ...], shape: tuple[int, ...]
+    ) -> Generator[tuple[Any, ...], str, str]:
+        """The first: where it has no answer nothing has, and the caller computes in logarithms, rule and all."""
+        first = here.children[0]
+        natural = self._lengths(here, order)
+        own = self._lengths(first, order)
+        name = yield (first, order, own, False)
+        if own != natural:
+            name = self._register(f"np.broadcast_to({name}, {natural})")
+        return self._reshaped(name, natural, shape)
+
     def _asked_within(
         self, here: Conditional, own: list[Variable], order: tuple[Variable, ...], shape: tuple[int, ...]
     ) -> str:
         """A question whose searched variables are known around it: normalised first, by a function of its own."""
         known = tuple(v for v in self.known if v not in own)
-        inner = _Compiler(known, self.names)
-        inner.small = self.small
+        inner = _Compiler(known, self.sizes, self.names)
         full = (*own, *order)
-        lengths = tuple(len(v) if v in here.scope else 1 for v in full)
+        lengths = (*map(len, own), *self._lengths(here, order))
         source, run = inner._function("within", climb(inner._emit, here, full, lengths, False))
         self.sources.extend([*inner.sources, source])
         answer = self._register(f"{self._constant(run)}(({''.join(f'{self.place[v]}, ' for v in known)}))")
@@ -372,12 +440,14 @@ class _Compiler:
         self, here: Slice, order: tuple[Variable, ...], shape: tuple[int, ...]
     ) -> Generator[tuple[Any, ...], str, str]:
         child = here.children[0]
-        # A known command variable is at this place already: the slice stands in the case for it.
-        fixed = {v: place for v, place in here.fixed.items() if v not in self.place}
+        # A known command variable is at this place already: the slice stands in the case for it. And the child may
+        # not depend on another one at all: `has` says too often that it does.
+        free = self._free(child)
+        fixed = {v: place for v, place in here.fixed.items() if v not in self.place and v in free}
         if not fixed:
             return (yield (child, order, shape, False))
         inner = (*fixed, *(v for v in order if v not in fixed))
-        own = tuple(len(v) if v in child.scope else 1 for v in inner)
+        own = self._lengths(child, inner)
         name = yield (child, inner, own, False)
         result = self._register(f"{name}[{', '.join(str(place) for place in fixed.values())}]")
         return self._reshaped(result, own[len(fixed) :], shape)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 
 from brp.distribution import Distribution
 from brp.errors import EvidenceError, ImpossibleEvidence, QuestionError, SpecificationError, TooLarge
-from brp.expression import Leaf, Subroutine, postorder
+from brp.expression import Leaf, Node, Otherwise, Split, Subroutine, node, postorder
 from brp.factors import Factor, label
 from brp.forms import Form
 from brp.formula import formula
+from brp.hierarchy import hierarchy
 from brp.logs import logarithms
-from brp.plan import compiled, foldable, probabilities
+from brp.plan import Sizes, compiled, probabilities
+from brp.renewal import Plan, renewed
 from brp.simplification import Simplified, simplify
-from brp.variables import Term, Variable, cells, text
+from brp.variables import Term, Variable, text
 
 if TYPE_CHECKING:
     from brp.description import Description
@@ -35,34 +37,62 @@ class Question(Form):
     its known variables. `renamed` gives it other variables for that purpose.
     """
 
-    def __init__(self, description: Description, term: Term, largest: int = LARGEST) -> None:
-        missing = [v for v in term.variables if v not in description.variables]
+    def __init__(
+        self,
+        description: Description,
+        term: Term,
+        largest: int = LARGEST,
+        *,
+        rules: tuple[Form, ...] = (),
+        like: Plan | None = None,
+    ) -> None:
+        variables = frozenset(description.variables)
+        missing = [v for v in term.variables if v not in variables]
         if missing:
             raise QuestionError(
                 f"{description} has no variable {text(missing)}; it has {text(description.variables)}"
             )
+        self.description = description
         self.term = term
+        self.largest = largest
+        self.rules = rules
         self.searched, self.known = term.of, term.given
         self.names = description.names
-        self.simplified: Simplified = simplify(description.relevant(term), self.searched, self.known, self.name)
+        factors = tuple(description.relevant(term))
+        kept = None if like is None else renewed(like, factors)
+        self.simplified: Simplified = kept or simplify(factors, self.searched, self.known, self.name)
+        self.plan = Plan(self.simplified, factors)
         if self.simplified.largest * 8 > largest:
             raise TooLarge(
                 f"{self.name} needs an array of {self.simplified.largest * 8 / 1e6:.0f} MB, more than the "
                 f"{largest / 1e6:.0f} MB allowed, and {self.simplified.operations:.2g} multiplications; know or "
                 "search fewer variables together, or raise largest="
             )
+        self.start: Node = self.simplified.start
+        for rule in rules:
+            self.start = Otherwise(
+                self.searched, self.start, node(rule.factor(term, self.names), frozenset(self.known))
+            )
         self._shape = tuple(map(len, self.searched))
         self._table: NDArray[np.float64] | None = None
-        if foldable(self.simplified.start)[id(self.simplified.start)]:
-            # Every answer at once; a call then only looks it up, and keeps what it made of it.
-            table = probabilities(self.simplified.start, (*self.known, *self.searched))
+        sizes = Sizes(self.start)
+        matter = self.known
+        if sizes.folds(self.start):
+            # Every answer at once; a call then only looks it up, and keeps what it made of it. What does not matter
+            # (a reading, once its cause is known) has no axis: the table would be as large as all that is known.
+            matter = tuple(v for v in self.known if self.start.has(v))
+            table = probabilities(self.start, (*matter, *self.searched))
             self._table = table.reshape(-1, *self._shape)
             self._answers: list[Distribution | None] = [None] * len(self._table)
             self.source = "# every answer is in a table"
         else:
-            plan = compiled(self.simplified.start, self.known, self.searched)
+            plan = compiled(self.start, self.known, self.searched, sizes)
             self._run, self.source = plan.run, plan.source
-        strides = [cells(self.known[number + 1 :]) for number in range(len(self.known))]
+        strides, stride = [0] * len(self.known), 1
+        for number in reversed(range(len(self.known))):
+            if self.known[number] in matter:
+                strides[number] = stride
+                stride *= len(self.known[number]) if self._table is not None else 1
         self._steps = [
             (
                 v.keyword,
@@ -114,7 +144,7 @@ class Question(Form):
     def _slowly(self, known: Mapping[str, Any]) -> NDArray[np.float64]:
         """The answer in logarithms; raises `ImpossibleEvidence` when there is none."""
         places = self._places(known)
-        logs = logarithms(self.simplified.start, self.searched, places)
+        logs = logarithms(self.start, self.searched, places)
         if np.isnan(logs).any():
             raise self._impossible(places)
         p: NDArray[np.float64] = np.exp(np.broadcast_to(logs, self._shape))
@@ -156,6 +186,46 @@ class Question(Form):
 
     # As a form.
 
+    def where_impossible(
+        self, rule: Form | None = None, *, without: Variable | Iterable[Variable] = ()
+    ) -> Question:
+        """The same question, with an answer also where what is known has probability zero.
+
+        ``without`` asks again without knowing these variables (pi-behavior without Behavior_t-1); ``rule`` is any
+        form that fits the question's term: ``Uniform()``, a `Table`, another question. Each applies only where
+        everything before it has no answer, and only for that combination of known values; where none has one,
+        `ImpossibleEvidence` is raised, as it is without a rule.
+        """
+        dropped = (without,) if isinstance(without, Variable) else tuple(without)
+        foreign = [v for v in dropped if v not in self.known]
+        if foreign:
+            raise QuestionError(f"{self.name} does not know {text(foreign)}, and cannot be asked without it")
+        if (rule is None) == (not dropped):
+            raise QuestionError(
+                f"where {self.name} is impossible wants one rule: a form, or without= and a variable"
+            )
+        if rule is None:
+            given = tuple(v for v in self.known if v not in dropped)
+            rule = self.description.ask(Term(self.searched, given), largest=self.largest)
+        return Question(self.description, self.term, self.largest, rules=(*self.rules, rule))
+
+    def possible(self, **known: Any) -> bool:
+        """Whether these known values have a probability above zero, so that no rule is needed to answer."""
+        if known.keys() != {v.keyword for v in self.known}:
+            raise self._refusal(known)
+        try:
+            places = self._places(known)
+        except EvidenceError:
+            raise self._refusal(known) from None
+        return not np.isnan(logarithms(self.simplified.start, self.searched, places)).any()
+
+    @property
+    def inner(self) -> tuple[Form, ...]:
+        """The forms of its description; a rule that asks the same description again adds none."""
+        forms = [self.description[term] for term in self.description.specification.terms]
+        others = [r for r in self.rules if not isinstance(r, Question) or r.description is not self.description]
+        return (*forms, *others)
+
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
         """The question as a factor of another description."""
         return _subroutine(self, {}, term)
@@ -166,7 +236,23 @@ class Question(Form):
 
     def __str__(self) -> str:
         written = formula(self.simplified)
-        return self.name if written in (self.name, "1") else f"{self.name}\n= {written}"
+        lines = [self.name] if written in (self.name, "1") else [self.name, f"= {written}"]
+        lines += [
+            f"where it is impossible: {rule.name if isinstance(rule, Question) else repr(rule)}"
+            for rule in self.rules
+        ]
+        calls = hierarchy(self)
+        if calls.levels > 1:
+            lines += [self._partition(), str(calls)]
+        return "\n".join(lines)
+
+    def _partition(self) -> str:
+        """All variables of the description, as searched, known and unknown."""
+        unknown = [v for v in self.description.variables if v not in self.term.variables]
+        parts = (("searched", self.searched), ("known", self.known), ("unknown", unknown))
+        counted = ", ".join(f"{len(part)} {word}" for word, part in parts)
+        hidden = f" ({text(unknown)})" if unknown else ""
+        return f"{len(self.description.variables)} variables: {counted}{hidden}"
 
     def __repr__(self) -> str:
         return f"<Question {self.name}>"
@@ -183,6 +269,11 @@ class _Renamed(Form):
                 raise SpecificationError(f"{old} cannot be renamed {variable}: their values differ")
         self.question = question
         self.new = dict(new)
+
+    @property
+    def inner(self) -> tuple[Form, ...]:
+        """The question."""
+        return (self.question,)
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
         """The question as a factor, its variables renamed."""
@@ -207,10 +298,20 @@ def _subroutine(question: Question, new: Mapping[Variable, Variable], term: Term
         )
     simplified = question.simplified
     # What the question sums out is its own: hidden from every variable of the same name around it.
-    everything = {v for n in postorder(simplified.start) for v in (*n.scope, *getattr(n, "variables", ()))}
+    everything = {v for n in postorder(question.start) for v in _bound(n)}
     hidden = {v: v.hidden() for v in everything if v not in question.term.variables}
-    opened = None if simplified.division else simplified.kept
+    opened = None if simplified.division or question.rules else simplified.kept
     plain = Subroutine(
-        question.searched, question.known, question.names, simplified.start, opened, tuple(simplified.summed)
+        question.searched, question.known, question.names, question.start, opened, tuple(simplified.summed)
     )
     return plain.renamed({**hidden, **new})
+
+
+def _bound(n: Node) -> Iterable[Variable]:
+    """The variables that a node itself names."""
+    if isinstance(n, Leaf):
+        return n.density.scope
+    if isinstance(n, Split):
+        return (n.variable,)
+    variables: tuple[Variable, ...] = getattr(n, "variables", ())
+    return variables

@@ -19,7 +19,7 @@ import heapq
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from brp.expression import Conditional, Leaf, Node, Product, Slice, Split, Subroutine, Sum, at, node
+from brp.expression import Conditional, Leaf, Node, Otherwise, Product, Slice, Split, Subroutine, Sum, at, node
 from brp.factors import Cases, Factor, Flat
 from brp.variables import Variable, cells
 
@@ -52,15 +52,14 @@ class Simplified:
 class Account:
     """What the elimination costs, and the order that it took."""
 
-    known: frozenset[Variable]
     order: list[Variable] = field(default_factory=list)
     largest: int = 1
     operations: int = 0
 
     def count(self, scope: Iterable[Variable], result: Iterable[Variable]) -> None:
         """One product over ``scope`` of which an array over ``result`` is kept."""
-        self.operations += cells(v for v in scope if v not in self.known)
-        self.largest = max(self.largest, cells(v for v in result if v not in self.known))
+        self.operations += cells(scope)
+        self.largest = max(self.largest, cells(result))
 
 
 def simplify(
@@ -75,33 +74,37 @@ def simplify(
     unknown = [v for v in _scope(opened) if v not in given and v not in searched]
 
     kept, vanished = _drop_sums_to_one(opened, frozenset(unknown))
-    flat = [factor for factor in kept if isinstance(factor, Flat)]
+    flat: list[Factor] = [factor for factor in kept if isinstance(factor, Flat)]
     # Of a searched or unknown variable, a uniform term may be all that makes the product a distribution.
     division = any(not given.issuperset(factor.of) for factor in flat)
     if any(isinstance(factor, Cases) for factor in kept):
         # Where some cases depend on a variable and others do not, its uniform term is what makes them comparable.
-        flat = [factor for factor in flat if not set(factor.of).intersection(unknown)]
+        open_ = frozenset(unknown)
+        flat = [factor for factor in flat if open_.isdisjoint(factor.of)]
         division = any(not given.issuperset(factor.of) for factor in flat)
-    kept = [factor for factor in kept if factor not in flat]
+    dropped = set(map(id, flat))
+    kept = [factor for factor in kept if id(factor) not in dropped]
     constant = [factor for factor in kept if given.issuperset(factor.scope)]
     kept = [factor for factor in kept if not given.issuperset(factor.scope) or factor.vanishes]
     division = division or any(given.intersection(factor.of) for factor in kept)
 
-    nodes = [node(factor) for factor in kept]
-    summed = tuple(v for v in unknown if any(v in n.scope for n in nodes))
+    nodes = [node(factor, given) for factor in kept]
+    left = frozenset().union(*[n.scope for n in nodes])
+    summed = tuple(v for v in unknown if v in left)
+    inside = frozenset(summed)
     outside = tuple(
-        f for f, n in zip(kept, nodes, strict=True) if not n.scope.intersection(unknown) and f not in constant
+        f for f, n in zip(kept, nodes, strict=True) if inside.isdisjoint(n.scope) and not given.issuperset(f.scope)
     )
-    account = Account(given)
+    account = Account()
     parts = [
         part
         for part in _reduce(nodes, summed, account)
         # A part about known values only is a constant too; it matters when it can be zero.
-        if part.vanishes or not given.issuperset(part.scope)
+        if part.vanishes or part.scope
     ]
     product = parts[0] if len(parts) == 1 else Product(tuple(parts))
     division = division or not product.scope.issuperset(searched)
-    start = Conditional(searched, product, name)
+    start = Conditional(searched, product, name, given)
     account.count(start.scope, start.scope)
     return Simplified(
         start,
@@ -168,34 +171,39 @@ def _drop_sums_to_one(factors: Sequence[Factor], unknown: frozenset[Variable]) -
 
 def _reduce(nodes: Sequence[Node], unknown: Sequence[Variable], account: Account) -> list[Node]:
     """The sum over ``unknown`` of the product of ``nodes``, as factors that no unknown variable joins."""
-    outside = [n for n in nodes if not n.scope.intersection(unknown)]
-    inside = [n for n in nodes if n.scope.intersection(unknown)]
-    for part in _parts(inside, frozenset(unknown)):
-        outside.extend(_eliminate(part, [v for v in unknown if any(v in n.scope for n in part)], account))
+    rank = {v: number for number, v in enumerate(unknown)}
+    inner = rank.keys()
+    outside = [n for n in nodes if inner.isdisjoint(n.scope)]
+    inside = [n for n in nodes if not inner.isdisjoint(n.scope)]
+    for part, variables in _parts(inside, frozenset(unknown)):
+        outside.extend(_eliminate(part, sorted(variables, key=rank.__getitem__), account))
     return outside
 
 
-def _parts(nodes: Sequence[Node], unknown: frozenset[Variable]) -> list[list[Node]]:
-    """Nodes that an unknown variable joins, directly or through others, stand together."""
+def _parts(nodes: Sequence[Node], unknown: frozenset[Variable]) -> list[tuple[list[Node], frozenset[Variable]]]:
+    """Nodes that an unknown variable joins, directly or through others, stand together; and those variables."""
+    joins = [n.scope & unknown for n in nodes]
     users: dict[Variable, list[int]] = {}
-    for number, n in enumerate(nodes):
-        for variable in n.scope & unknown:
+    for number, variables in enumerate(joins):
+        for variable in variables:
             users.setdefault(variable, []).append(number)
-    part_of: dict[int, int] = {}
-    parts: list[list[int]] = []
+    part_of: set[int] = set()
+    parts: list[tuple[list[Node], frozenset[Variable]]] = []
     for number in range(len(nodes)):
         if number in part_of:
             continue
-        part_of[number] = len(parts)
+        part_of.add(number)
         part = [number]
+        met: set[Variable] = set()
         for member in part:
-            for variable in nodes[member].scope & unknown:
+            for variable in joins[member] - met:
+                met.add(variable)
                 for other in users[variable]:
                     if other not in part_of:
-                        part_of[other] = len(parts)
+                        part_of.add(other)
                         part.append(other)
-        parts.append(part)
-    return [[nodes[number] for number in sorted(part)] for part in parts]
+        parts.append(([nodes[number] for number in sorted(part)], frozenset(met)))
+    return parts
 
 
 def _eliminate(nodes: Sequence[Node], unknown: Sequence[Variable], account: Account) -> list[Node]:
@@ -207,15 +215,15 @@ def _eliminate(nodes: Sequence[Node], unknown: Sequence[Variable], account: Acco
         return pool
     commands = [n.variable for n in pool if isinstance(n, Split)]
     command = max(dict.fromkeys(commands), key=commands.count)
-    touched = [n for n in pool if command in n.scope or n.scope.intersection(left)]
-    free = [n for n in pool if not any(n is other for other in touched)]
+    touched = [n for n in pool if n.has(command) or n.scope.intersection(left)]
+    free = [n for n in pool if not (n.has(command) or n.scope.intersection(left))]
     rest = [v for v in left if v != command]
     made: list[Node] = []
     for place in range(len(command)):
         here = [at(n, command, place) for n in touched]
         reduced = _reduce(_without_sums_to_one(here, rest), rest, account)
         made.append(reduced[0] if len(reduced) == 1 else Product(tuple(reduced)))
-    split: Node = Split(command, tuple(made))
+    split: Node = Split(command, tuple(made), command not in unknown and not any(command in n.scope for n in pool))
     if command in unknown:
         account.order.append(command)
         account.count(split.scope, split.scope - {command})
@@ -242,12 +250,12 @@ def _left(n: Node) -> frozenset[Variable]:
     """What is left of a node's bar, when it still is a distribution over that."""
     if isinstance(n, Leaf):
         return frozenset(n.density.of) if n.scope.issuperset(n.density.of) else frozenset()
-    if isinstance(n, Conditional):
+    if isinstance(n, Conditional | Otherwise):
         return frozenset(n.variables)
     if isinstance(n, Split):
         lefts = {_left(branch) for branch in n.children}
         return lefts.pop() if len(lefts) == 1 else frozenset()
-    if isinstance(n, Slice) and isinstance(n.children[0], Conditional):
+    if isinstance(n, Slice) and isinstance(n.children[0], Conditional | Otherwise):
         left = frozenset(n.children[0].variables)
         return left if not left.intersection(n.fixed) else frozenset()
     return frozenset()
@@ -256,13 +264,16 @@ def _left(n: Node) -> frozenset[Variable]:
 def _sum_out(nodes: Sequence[Node], unknown: Sequence[Variable], account: Account) -> list[Node]:
     """Step 5: sum over ``unknown``, each time the variable whose product is smallest."""
     pool: dict[int, Node] = dict(enumerate(nodes))
-    users: dict[Variable, set[int]] = {v: {k for k, n in pool.items() if v in n.scope} for v in unknown}
+    users: dict[Variable, set[int]] = {v: set() for v in unknown}
+    for k, n in pool.items():
+        for v in users.keys() & n.scope:
+            users[v].add(k)
     rank = {v: number for number, v in enumerate(unknown)}
     size: dict[Variable, int] = {}
 
     def weigh(variable: Variable) -> int:
         scope: frozenset[Variable] = frozenset().union(*(pool[k].scope for k in users[variable]))
-        size[variable] = cells(v for v in scope if v not in account.known)
+        size[variable] = cells(scope)
         return size[variable]
 
     heap = [(weigh(v), rank[v], v) for v in unknown]

@@ -13,7 +13,6 @@ import keyword
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import prod
 from typing import Any
 
 import numpy as np
@@ -84,13 +83,17 @@ class Variable:
     @property
     def numeric(self) -> bool:
         """Whether every value is a number (a truth is none)."""
-        return all(isinstance(value, int | float) and not isinstance(value, bool) for value in self.values)
+        return isinstance(self.values, range) or all(
+            isinstance(value, int | float) and not isinstance(value, bool) for value in self.values
+        )
 
     @property
     def numbers(self) -> NDArray[np.float64]:
         """The values as numbers, shape ``(len(self),)``; raises `NotNumeric` when they are words."""
         if not self.numeric:
             raise NotNumeric(f"{self.name} has words for values ({self.domain}): no arithmetic can be done on it")
+        if isinstance(self.values, range):
+            return np.arange(self.values.start, self.values.stop, self.values.step, dtype=np.float64)
         return np.array(self.values, dtype=np.float64)
 
     def hidden(self) -> Variable:
@@ -197,7 +200,10 @@ def text(words: Iterable[object]) -> str:
 
 def cells(variables: Iterable[Variable]) -> int:
     """How many values the conjunction of the variables has."""
-    return prod(len(variable) for variable in variables)
+    count = 1
+    for variable in variables:
+        count *= len(variable.values)
+    return count
 
 
 def _flat(part: Any) -> Iterator[Variable]:

@@ -23,26 +23,39 @@ from brp.description import Specification
 from brp.forms import Sigmoid, Switch, Uniform
 from brp.programs.obstacle import Dir, Prox, Vrot, avoid
 from brp.programs.phototaxy import Theta1, phototaxy1
+from brp.programs.phototaxy2 import Theta2, phototaxy2
+from brp.question import Question
 from brp.variables import P, Variable
 
-__all__ = ["Dir", "H", "Prox", "Theta1", "Vrot", "command", "home", "homing", "pi_home"]
+__all__ = ["Dir", "H", "Prox", "Theta1", "Theta2", "Vrot", "command", "command2", "home", "home2", "homing"]
+__all__ += ["homing2", "pi_home"]
 
 # [S7.1]
 H = Variable("H", ("avoidance", "phototaxy"))
 
-# [S7.2] at the left; [S7.3], [S7.4] and [S7.5] at the right.
-pi_home = Specification(
-    {
-        P(Dir): Uniform(),
-        P(Prox): Uniform(),
-        P(Theta1): Uniform(),
-        P(H | Prox): Sigmoid("avoidance", alpha=9, beta=0.25),
-        P(Vrot | Dir, Prox, Theta1, H): Switch(H, {"avoidance": avoid, "phototaxy": phototaxy1}),
-    },
-    name="pi-home",
-)
 
-homing = pi_home.identify()  # "There are no free parameters in preliminary knowledge pi-home" (section 7.3).
+def pi_home(Theta: Variable, phototaxy: Question) -> Specification:
+    """The preliminary knowledge. The page has Theta1 and phototaxy1; the watchman has Theta2 and phototaxy2."""
+    # [S7.2] at the left; [S7.3], [S7.4] and [S7.5] at the right.
+    return Specification(
+        {
+            P(Dir): Uniform(),
+            P(Prox): Uniform(),
+            P(Theta): Uniform(),
+            P(H | Prox): Sigmoid("avoidance", alpha=9, beta=0.25),
+            P(Vrot | Dir, Prox, Theta, H): Switch(H, {"avoidance": avoid, "phototaxy": phototaxy}),
+        },
+        name="pi-home",
+    )
+
+
+# "There are no free parameters in preliminary knowledge pi-home" (section 7.3).
+homing = pi_home(Theta1, phototaxy1).identify()
+homing2 = pi_home(Theta2, phototaxy2).identify()
 
 home = homing.ask(P(Vrot | Dir, Prox, Theta1))  # [E7.1]
 command = homing.ask(P(H | Prox))  # the bottom left of figures 9 and 10
+
+# What the watchman asks of pi-home.
+home2 = homing2.ask(P(Vrot | Dir, Prox, Theta2, H))
+command2 = homing2.ask(P(H | Prox))

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from brp import Gaussian, P, Specification
-from brp.programs.home import H, Theta1, command, home, homing, pi_home
+from brp.programs.home import H, Theta1, command, home, homing
 from brp.programs.obstacle import Dir, Prox, Vrot, avoid, obstacle
 from brp.programs.phototaxy import phototaxy1
 
@@ -85,7 +85,12 @@ def test_e7_1_prints_as_the_page_has_it() -> None:
     assert str(home) == (
         "P(Vrot | Dir Prox Theta1 pi-home)\n"
         "= [ P(avoidance | Prox pi-home) × P(Vrot | Prox Dir delta-avoid pi-obstacle)\n"
-        "  + P(phototaxy | Prox pi-home) × P(Vrot | Theta1 delta-phototaxy pi-phototaxy1) ]"
+        "  + P(phototaxy | Prox pi-home) × P(Vrot | Theta1 delta-phototaxy pi-phototaxy1) ]\n"
+        "5 variables: 1 searched, 3 known, 1 unknown (H)\n"
+        "3 descriptions on 2 levels:\n"
+        "  pi-home\n"
+        "    delta-avoid pi-obstacle\n"
+        "    delta-phototaxy pi-phototaxy1"
     )
 
 
@@ -116,7 +121,7 @@ def test_figures_9_and_10_the_nearer_the_object_the_surer_the_turn_away() -> Non
         parameters={P(Vrot | Prox, Dir): Gaussian(lambda Dir: -Dir, lambda Prox: max(1, (18 - Prox) / 3))},
     )
     term = P(Vrot | Dir, Prox, Theta1, H)
-    forms = dict(pi_home.forms)
+    forms = dict(homing.specification.forms)
     switch = type(forms[term])(H, {"avoidance": shown.ask(P(Vrot | Prox, Dir)), "phototaxy": phototaxy1})  # type: ignore[call-arg]  # a Switch
     question = Specification(forms | {term: switch}).identify().ask(P(Vrot | Dir, Prox, Theta1))
     for prox, right in ((8, 0.24), (9, 0.47), (12, 0.94), (15, 0.998)):

@@ -182,8 +182,8 @@ def test_eight_contradictory_sensors_are_unlikely_and_not_impossible() -> None:
         np.testing.assert_allclose(answer.p, expected / expected.sum(), rtol=1e-10, atol=1e-50)
 
 
-def test_a_hidden_markov_model_over_hundreds_of_steps_is_answered() -> None:
-    steps, states = 300, 4
+def test_a_hidden_markov_model_over_ten_thousand_steps_is_answered() -> None:
+    steps, states = 10_000, 4
     rng = np.random.default_rng(4)
     move = rng.dirichlet(np.ones(states), size=states).T
     see = rng.dirichlet(np.full(5, 0.3), size=states).T

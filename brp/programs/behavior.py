@@ -1,0 +1,103 @@
+"""Section 9: temporal sequences by inverse programming. What each behavior lets one expect to observe.
+
+    Behavior, Behavior_t-1 in {idle, patrol, recognition, fire-intervention, homing, recharge}     [S9.1]
+    Vigil, Base, Fire, Identify in {true, false}
+    Energy in {very-high, high, low, very-low}
+
+    P(Behavior Vigil Energy Base Fire Identify Behavior_t-1 | pi-behavior)                         [S9.2]
+    = P(Behavior_t-1 | pi-behavior) P(Behavior | Behavior_t-1 pi-behavior)
+      P(Vigil | Behavior pi-behavior) P(Energy | Behavior pi-behavior) P(Base | Behavior pi-behavior)
+      P(Fire | Behavior pi-behavior) P(Identify | Behavior pi-behavior)
+
+    P(Behavior_t-1 | pi-behavior) = Uniform                                                        [S9.3]
+    all others: tables 2 to 7, read by column
+
+    P(Behavior | Vigil Energy Base Fire Identify Behavior_t-1 pi-behavior)                         [E9.1]
+    = 1/Sigma P(Behavior_t-1 | pi-behavior) P(Behavior | Behavior_t-1 pi-behavior)
+      P(Vigil | Behavior pi-behavior) P(Energy | Behavior pi-behavior) P(Base | Behavior pi-behavior)
+      P(Fire | Behavior pi-behavior) P(Identify | Behavior pi-behavior)
+
+An "x" is an equal share of what its column leaves.
+
+Table 2 is misprinted from its fourth row on (columns of the scanned text do not sum to one). It is read by the
+prose: in recognition the robot stays by .99, in homing and recharge "the most probable behavior is to stay in the
+current mode, although nothing is definitely excluded", and from fire-intervention "any switch to idle, recognition
+or homing" is excluded.
+
+18 of the 384 combinations of what is known are impossible under these tables: an idle robot lifted off its base, a
+fire that goes out while Vigil is false. "A sequence of actions is always produced" (lesson 9), so there `behavior`
+asks again without Behavior_t-1; ``behavior.possible(...)`` says whether it had to.
+"""
+
+from brp.description import Specification
+from brp.forms import Table, Uniform
+from brp.variables import P, Variable
+
+__all__ = ["Base", "Behavior", "Behavior_t_1", "Energy", "Fire", "Identify", "Vigil", "behaving", "behavior"]
+__all__ += ["pi_behavior"]
+
+# [S9.1]
+Behavior = Variable("Behavior", ("idle", "patrol", "recognition", "fire-intervention", "homing", "recharge"))
+Vigil = Variable("Vigil", (False, True))
+Energy = Variable("Energy", ("very-low", "low", "high", "very-high"))
+Base = Variable("Base", (False, True))
+Fire = Variable("Fire", (False, True))
+Identify = Variable("Identify", (False, True))
+Behavior_t_1 = Variable("Behavior_t-1", Behavior.values)
+
+x = "x"
+table_2 = [
+    # idle  patrol recognition fire-intervention homing recharge     was Behavior_t-1
+    [0.90, x, 0, 0, x, x],  # idle
+    [x, 0.90, x, x, x, x],  # patrol
+    [0, x, 0.99, 0, x, x],  # recognition
+    [x, x, x, x, x, x],  # fire-intervention
+    [0, x, x, 0, 0.90, x],  # homing
+    [0, x, x, x, x, 0.90],  # recharge
+]
+# The columns of tables 3 to 7 are Behavior.
+table_3 = [
+    [0.90, 0, 0, x, 1, x],  # Vigil is false
+    [0.10, 1, 1, x, 0, x],  # true
+]
+table_4 = [
+    [0.325, 0, 0, x, x, 0.8],  # Energy is very-low
+    [0.325, 0.1, 0.1, x, x, 0.2],  # low
+    [0.25, x, x, x, x, 0],  # high
+    [0.10, x, x, x, x, 0],  # very-high
+]
+table_5 = [
+    [0, 0.99, 0.99, x, 0.99, 0.99],  # Base is false
+    [1, 0.01, 0.01, x, 0.01, 0.01],  # true
+]
+table_6 = [
+    [1, 1, 1, 0, 1, 1],  # Fire is false
+    [0, 0, 0, 1, 0, 0],  # true
+]
+table_7 = [
+    [x, x, 0, x, x, x],  # Identify is false
+    [x, x, 1, x, x, x],  # true
+]
+
+# [S9.2] at the left; [S9.3] and the tables at the right.
+pi_behavior = Specification(
+    {
+        P(Behavior_t_1): Uniform(),
+        P(Behavior | Behavior_t_1): Table(table_2),
+        P(Vigil | Behavior): Table(table_3),
+        P(Energy | Behavior): Table(table_4),
+        P(Base | Behavior): Table(table_5),
+        P(Fire | Behavior): Table(table_6),
+        P(Identify | Behavior): Table(table_7),
+    },
+    name="pi-behavior",
+)
+
+behaving = (
+    pi_behavior.identify()
+)  # "No identification is required, as there are no free parameters in pi-behavior."
+
+# [E9.1]
+behavior = behaving.ask(P(Behavior | Vigil, Energy, Base, Fire, Identify, Behavior_t_1)).where_impossible(
+    without=Behavior_t_1
+)

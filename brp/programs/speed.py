@@ -1,0 +1,108 @@
+"""Section 10.1: the two speeds of each movement. The paper names the variables and prints no more.
+
+    Vrot, Dir, Prox, H as in section 7; Move as in `brp.programs.move`; Theta2 as in section 6
+    Vtrans, Vtrans_c in {0, ..., 10}
+    DirL in {-10, ..., 10}, ProxL in {0, ..., 15}
+
+    P(Vrot Vtrans Move H Dir Prox DirL ProxL Vtrans_c Theta2 | pi-speed)
+    = P(Move | pi-speed) P(Dir | pi-speed) P(Prox | pi-speed) P(DirL | pi-speed) P(ProxL | pi-speed)
+      P(Vtrans_c | pi-speed) P(Theta2 | pi-speed) P(H | Prox pi-speed)
+      P(Vtrans | Move Prox ProxL Vtrans_c pi-speed) P(Vrot | Move H Dir Prox DirL ProxL Theta2 pi-speed)
+
+    P(Move | pi-speed) = ... = P(Theta2 | pi-speed) = Uniform
+    P(H | Prox pi-speed) = P(H | Prox pi-home)
+
+    P(Vtrans | stop ... pi-speed) = P(Vtrans | blow ... pi-speed) = Dirac(0)
+    P(Vtrans | Move ... pi-speed) = G(s(Move, Prox, ProxL) Vtrans_c, 0.7)
+
+    P(Vrot | stop ... pi-speed)   = P(Vrot | blow ... pi-speed) = Dirac(0)
+    P(Vrot | wander ... pi-speed) = P(Vrot | Dir Prox delta-avoid pi-obstacle)
+    P(Vrot | follow ... pi-speed) = P(Vrot | Dir Prox delta-follow pi-obstacle)
+    P(Vrot | home ... pi-speed)   = P(Vrot | Dir Prox Theta2 H pi-home)
+    P(Vrot | approach ... pi-speed): towards DirL, or P(Vrot | Dir Prox delta-avoid pi-obstacle)
+
+    P(Vrot Vtrans | Move H Dir Prox DirL ProxL Vtrans_c Theta2 pi-speed)
+    = P(Vtrans | Move Prox ProxL Vtrans_c pi-speed) P(Vrot | Move H Dir Prox DirL ProxL Theta2 pi-speed)
+
+The decomposition and the forms are ours. Vtrans_c is the speed that the operator has set. DirL and ProxL are to the
+brightness that the six sensors in front see what Dir and Prox are to obstacles; they aim at a flame in front, while
+Theta2 sees all round. H is known in this question: the watchman's sum over H makes the mixture.
+"""
+
+from brp.description import Specification
+from brp.forms import Dirac, Switch, Uniform
+from brp.gaussian import Gaussian
+from brp.programs.home import H, command2, home2
+from brp.programs.move import Move
+from brp.programs.obstacle import Dir, Prox, Vrot, avoid, follow
+from brp.programs.sensor import Theta2
+from brp.variables import P, Variable
+
+__all__ = ["Dir", "DirL", "H", "Move", "Prox", "ProxL", "Theta2", "Vrot", "Vtrans", "Vtrans_c"]
+__all__ += ["pi_speed", "speed", "speeding"]
+
+Vtrans = Variable("Vtrans", range(11))
+Vtrans_c = Variable("Vtrans_c", range(11))
+DirL = Variable("DirL", range(-10, 11))
+ProxL = Variable("ProxL", range(16))
+
+FAR = tuple(range(8))
+NEAR = tuple(range(8, 16))
+"""Values of ProxL: from 8 on what is ahead is taken for the flame and not for an obstacle."""
+
+
+def slower_near_walls(Prox: int, Vtrans_c: int) -> float:
+    """Homing slows down near what it may have to avoid."""
+    return max(0.3, 1 - 0.06 * Prox) * Vtrans_c
+
+
+def up_to_the_flame(ProxL: int, Vtrans_c: int) -> float:
+    """The approach slows down before the flame, and stops at it."""
+    return (1 if ProxL < 8 else 0.5 if ProxL < 12 else 0) * Vtrans_c
+
+
+towards_the_light = Gaussian(lambda DirL: DirL, deviation=2)
+
+pi_speed = Specification(
+    {
+        P(Move): Uniform(),
+        P(Dir): Uniform(),
+        P(Prox): Uniform(),
+        P(DirL): Uniform(),
+        P(ProxL): Uniform(),
+        P(Vtrans_c): Uniform(),
+        P(Theta2): Uniform(),
+        P(H | Prox): command2,
+        P(Vtrans | Move, Prox, ProxL, Vtrans_c): Switch(
+            Move,
+            {
+                ("stop", "blow"): Dirac(0),
+                "wander": Gaussian(lambda Vtrans_c: Vtrans_c, 0.7),
+                "follow": Gaussian(lambda Vtrans_c: 0.6 * Vtrans_c, 0.7),
+                "home": Gaussian(slower_near_walls, 0.7),
+                "approach": Gaussian(up_to_the_flame, 0.7),
+            },
+        ),
+        P(Vrot | Move, H, Dir, Prox, DirL, ProxL, Theta2): Switch(
+            Move,
+            {
+                ("stop", "blow"): Dirac(0),
+                "wander": avoid,
+                "follow": follow,
+                "home": home2,
+                "approach": Switch(
+                    H,
+                    {
+                        "phototaxy": towards_the_light,
+                        "avoidance": Switch(ProxL, {FAR: avoid, NEAR: towards_the_light}),
+                    },
+                ),
+            },
+        ),
+    },
+    name="pi-speed",
+)
+
+speeding = pi_speed.identify()
+
+speed = speeding.ask(P(Vrot, Vtrans | Move, H, Dir, Prox, DirL, ProxL, Vtrans_c, Theta2))
