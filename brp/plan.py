@@ -457,8 +457,9 @@ class _Compiler:
         self, here: Slice, order: tuple[Variable, ...], shape: tuple[int, ...]
     ) -> Generator[tuple[Any, ...], str, str]:
         child = here.children[0]
-        # A known command variable is at this place already: the slice stands in the case for it.
-        fixed = {v: place for v, place in here.fixed.items() if v not in self.place}
+        # A known command variable is at this place already: the slice stands in the case for it. And the child may
+        # not depend on another one at all: `has` says too often that it does.
+        fixed = {v: place for v, place in here.fixed.items() if v not in self.place and v in child.scope}
         if not fixed:
             return (yield (child, order, shape, False))
         inner = (*fixed, *(v for v in order if v not in fixed))
