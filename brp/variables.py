@@ -84,6 +84,8 @@ class Variable:
     @property
     def numeric(self) -> bool:
         """Whether every value is a number (a truth is none)."""
+        if isinstance(self.values, range):
+            return True
         return all(isinstance(value, int | float) and not isinstance(value, bool) for value in self.values)
 
     @property
@@ -91,6 +93,8 @@ class Variable:
         """The values as numbers, shape ``(len(self),)``; raises `NotNumeric` when they are words."""
         if not self.numeric:
             raise NotNumeric(f"{self.name} has words for values ({self.domain}): no arithmetic can be done on it")
+        if isinstance(self.values, range):
+            return np.arange(self.values.start, self.values.stop, self.values.step, dtype=np.float64)
         return np.array(self.values, dtype=np.float64)
 
     def hidden(self) -> Variable:
