@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from brp import ImpossibleEvidence, P
-from examples import extremes, fusion, if_then_else, inverse, online, pushing, subroutine
+from examples import extremes, fusion, hidden, if_then_else, inverse, online, pushing, subroutine
 
 SCRIPTS = sorted(
     path for path in (Path(__file__).parent.parent / "examples").glob("*.py") if path.stem != "__init__"
@@ -101,3 +101,11 @@ def test_objects_are_new_once_and_known_ever_after(capsys: pytest.CaptureFixture
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert len(lines) == 12
     assert sum("new:" in words for words in lines) == len(online.OBJECTS)
+
+
+def test_when_the_driver_brakes_is_learnt_without_ever_seeing_it() -> None:
+    found = hidden.learnt(np.random.default_rng(5)).ask(P(if_then_else.H | if_then_else.Gap))
+    real = if_then_else.driving.ask(P(if_then_else.H | if_then_else.Gap))
+    errors = [abs(found(Gap=gap)["brake"] - real(Gap=gap)["brake"]) for gap in if_then_else.Gap.values]
+    assert max(errors) < 0.15
+    assert np.mean(errors) < 0.05
