@@ -34,6 +34,7 @@ from brp.errors import (
     TooLarge,
     Unidentified,
 )
+from brp.filter import Filter, Particles
 from brp.forms import Dirac, Form, Sigmoid, Switch, Table, Uniform
 from brp.gaussian import Gaussian, Prior
 from brp.nearest import Nearest
@@ -47,6 +48,7 @@ __all__ = [
     "Dirac",
     "Distribution",
     "EvidenceError",
+    "Filter",
     "Form",
     "Gaussian",
     "Histogram",
@@ -57,6 +59,7 @@ __all__ = [
     "NotAValue",
     "NotNumeric",
     "P",
+    "Particles",
     "Prior",
     "Question",
     "QuestionError",
