@@ -37,8 +37,10 @@ from brp.errors import (
 from brp.filter import Filter, Particles
 from brp.forms import Dirac, Form, Sigmoid, Switch, Table, Uniform
 from brp.gaussian import Gaussian, Prior
+from brp.mrbt import Tree, tree
 from brp.nearest import Nearest
 from brp.question import Question
+from brp.sampling import Estimate, Sampling
 from brp.variables import P, Term, Value, Variable
 
 __all__ = [
@@ -47,6 +49,7 @@ __all__ = [
     "Description",
     "Dirac",
     "Distribution",
+    "Estimate",
     "EvidenceError",
     "Filter",
     "Form",
@@ -63,6 +66,7 @@ __all__ = [
     "Prior",
     "Question",
     "QuestionError",
+    "Sampling",
     "Sigmoid",
     "Specification",
     "SpecificationError",
@@ -72,9 +76,11 @@ __all__ = [
     "Term",
     "TermError",
     "TooLarge",
+    "Tree",
     "Unidentified",
     "Uniform",
     "Value",
     "Variable",
     "identify_hidden",
+    "tree",
 ]
