@@ -34,10 +34,13 @@ from brp.errors import (
     TooLarge,
     Unidentified,
 )
+from brp.filter import Filter, Particles
 from brp.forms import Dirac, Form, Sigmoid, Switch, Table, Uniform
 from brp.gaussian import Gaussian, Prior
+from brp.mrbt import Tree, tree
 from brp.nearest import Nearest
 from brp.question import Question
+from brp.sampling import Estimate, Sampling
 from brp.variables import P, Term, Value, Variable
 
 __all__ = [
@@ -46,7 +49,9 @@ __all__ = [
     "Description",
     "Dirac",
     "Distribution",
+    "Estimate",
     "EvidenceError",
+    "Filter",
     "Form",
     "Gaussian",
     "Histogram",
@@ -57,9 +62,11 @@ __all__ = [
     "NotAValue",
     "NotNumeric",
     "P",
+    "Particles",
     "Prior",
     "Question",
     "QuestionError",
+    "Sampling",
     "Sigmoid",
     "Specification",
     "SpecificationError",
@@ -69,9 +76,11 @@ __all__ = [
     "Term",
     "TermError",
     "TooLarge",
+    "Tree",
     "Unidentified",
     "Uniform",
     "Value",
     "Variable",
     "identify_hidden",
+    "tree",
 ]

@@ -10,16 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brp.description import Description, Specification
 from brp.errors import DataError, ImpossibleEvidence, TooLarge
-from brp.expression import node
-from brp.factors import Cases, Density, Factor, Flat
-from brp.logs import logarithms
+from brp.pointwise import log_at
 from brp.samples import Data, Samples
 from brp.variables import Term, Variable, cells, text
 
@@ -85,7 +82,8 @@ def identify_hidden(
     weight = np.bincount(which.reshape(-1), read.weights).astype(np.float64)
     if len(rows) * cells(hidden) > LARGEST:
         raise TooLarge(
-            f"{len(rows)} different data for {cells(hidden)} values of {text(hidden)} are more than {LARGEST} shares"
+            f"{len(rows)} different data for {cells(hidden)} values of {text(hidden)} make more than "
+            f"{LARGEST} shares; learn from fewer data, or hide fewer variables"
         )
     places = _places(observed, hidden, rows)
 
@@ -146,32 +144,13 @@ def _expected(
 ) -> tuple[Array, Array]:
     """The probability of the hidden values for each datum, and the logarithm of each datum's own."""
     factors = description.relevant(Term(tuple(v for term in terms for v in term.of)))
-    logs: Array = np.broadcast_to(reduce(np.add, (_log(factor, places) for factor in factors)), shape)
+    logs: Array = np.broadcast_to(reduce(np.add, (log_at(factor, places) for factor in factors)), shape)
     axes = tuple(range(1, len(shape)))
     largest = logs.max(axis=axes, keepdims=True)
     scaled = np.exp(logs - np.where(np.isneginf(largest), 0.0, largest))
     total = scaled.sum(axis=axes, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         return scaled / total, (np.log(total) + largest).reshape(-1)
-
-
-def _log(factor: Factor, places: Mapping[Variable, NDArray[np.intp]]) -> Array:
-    """The logarithms of a factor for arrays of places, over their broadcast shape."""
-    if isinstance(factor, Flat):
-        return np.asarray(-np.log(cells(factor.of)))
-    if isinstance(factor, Density):
-        return np.asarray(factor.log(*(places[v] for v in factor.scope)))
-    if isinstance(factor, Cases):
-        command = places[factor.variable]
-        branches = {id(branch): _log(branch, places) for branch in factor.branches}
-        result: Array = np.asarray(0.0)
-        for place, branch in enumerate(factor.branches):
-            result = np.where(command == place, branches[id(branch)], result)
-        return result
-    table = logarithms(node(factor), factor.scope)
-    at: Any = tuple(places[v] if length > 1 else 0 for v, length in zip(factor.scope, table.shape, strict=True))
-    # nan is a question that has no answer there; a datum that would need one is impossible.
-    return np.nan_to_num(table[at], nan=-np.inf, neginf=-np.inf)
 
 
 def _identified(

@@ -65,8 +65,10 @@ class Variable:
     def place(self, value: object) -> int:
         """The place of ``value`` among the values; raises `NotAValue`."""
         try:
+            if self._places is None and type(value) is int and isinstance(self.values, range):
+                return self.values.index(value)  # millions of values need no dictionary
             return self.places[value]
-        except (KeyError, TypeError):
+        except (KeyError, TypeError, ValueError):
             raise NotAValue(f"{self.name} = {value!r} is not one of its values ({self.domain})") from None
 
     @property
