@@ -19,6 +19,7 @@ vrot = turn(Dir=3, Prox=12).draw(rng)
 from brp.counts import Histogram, Laplace
 from brp.description import Description, Specification
 from brp.distribution import Distribution
+from brp.em import Identified, identify_hidden
 from brp.errors import (
     BrpError,
     DataError,
@@ -28,14 +29,18 @@ from brp.errors import (
     NotNumeric,
     QuestionError,
     SpecificationError,
+    StoreError,
     TermError,
     TooLarge,
     Unidentified,
 )
+from brp.filter import Filter, Particles
 from brp.forms import Dirac, Form, Sigmoid, Switch, Table, Uniform
 from brp.gaussian import Gaussian, Prior
+from brp.mrbt import Tree, tree
 from brp.nearest import Nearest
 from brp.question import Question
+from brp.sampling import Estimate, Sampling
 from brp.variables import P, Term, Value, Variable
 
 __all__ = [
@@ -44,29 +49,38 @@ __all__ = [
     "Description",
     "Dirac",
     "Distribution",
+    "Estimate",
     "EvidenceError",
+    "Filter",
     "Form",
     "Gaussian",
     "Histogram",
+    "Identified",
     "ImpossibleEvidence",
     "Laplace",
     "Nearest",
     "NotAValue",
     "NotNumeric",
     "P",
+    "Particles",
     "Prior",
     "Question",
     "QuestionError",
+    "Sampling",
     "Sigmoid",
     "Specification",
     "SpecificationError",
+    "StoreError",
     "Switch",
     "Table",
     "Term",
     "TermError",
     "TooLarge",
+    "Tree",
     "Unidentified",
     "Uniform",
     "Value",
     "Variable",
+    "identify_hidden",
+    "tree",
 ]

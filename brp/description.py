@@ -6,7 +6,7 @@ with data it is a description, and a description can be asked.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import inf
 from typing import Any
 
@@ -105,8 +105,8 @@ class Description:
         self.name = name
         self._forms = dict(forms)
         self._factors: dict[Term, Factor] = {}
-        self._questions: dict[tuple[Term, int], Question] = {}
-        self._plans: dict[tuple[Term, int], Plan] = {}
+        self._questions: dict[tuple[Term, tuple[Variable, ...], int], Question] = {}
+        self._plans: dict[tuple[Term, tuple[Variable, ...], int], Plan] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -122,16 +122,19 @@ class Description:
         """The identified form of a term."""
         return self._forms[term]
 
-    def ask(self, term: Term, *, largest: int = LARGEST) -> Question:
+    def ask(self, term: Term, *, soft: Variable | Iterable[Variable] = (), largest: int = LARGEST) -> Question:
         """The question P(Searched | Known), compiled; asked again it is the same question.
 
-        Every variable that the term does not name is unknown, and summed out [E3.11]. Raises `QuestionError` for a
+        Every variable that the term does not name is unknown, and summed out [E3.11]. Those of the known that are
+        ``soft`` will be told a distribution instead of a value: the joint is weighed by it, and they are summed out
+        (a likelihood; nothing of it stays in the question). Raises `QuestionError` for a
         variable that is not in the description, `TooLarge` when an array would pass ``largest`` bytes, and
         `Unidentified` when a free form that the question needs has met no data.
         """
-        key = (term, largest)
+        softly = (soft,) if isinstance(soft, Variable) else tuple(soft)
+        key = (term, softly, largest)
         if key not in self._questions:
-            self._questions[key] = Question(self, term, largest, like=self._plans.get(key))
+            self._questions[key] = Question(self, term, largest, soft=softly, like=self._plans.get(key))
         return self._questions[key]
 
     def learn(self, datum: Mapping[str, Any], *, weight: float = 1.0) -> Description:

@@ -22,13 +22,16 @@ __all__ = [
     "Otherwise",
     "Product",
     "Slice",
+    "Soft",
     "Split",
     "Subroutine",
     "Sum",
     "at",
     "climb",
+    "node",
+    "postorder",
+    "renamed",
 ]
-__all__ += ["node", "postorder", "renamed"]
 
 R = TypeVar("R")
 
@@ -79,6 +82,18 @@ class Leaf(Node):
         scope = frozenset([v for v in free if v not in known])
         evidence = frozenset([v for v in free if v in known])
         super().__init__(scope, _few(evidence) if len(evidence) > 1 else evidence, (), density.vanishes)
+
+
+class Soft(Node):
+    """What is said of a variable that is known only softly: a weight for each value, told with each evidence."""
+
+    __slots__ = ("variable",)
+
+    def __init__(self, variable: Variable) -> None:
+        self.variable = variable
+        # As if it depended on a known variable with too many values for a table, which is what the weights are.
+        weights = frozenset((Variable(f"soft-{variable.name}", range(MANY)),))
+        super().__init__(frozenset((variable,)), weights, (), True)
 
 
 class Product(Node):
@@ -252,6 +267,8 @@ def at(start: Node, variable: Variable, place: int) -> Node:
         return Product(tuple(at(child, variable, place) for child in start.children))
     if isinstance(start, Slice):
         return Slice(start.children[0], start.fixed | {variable: place})
+    if isinstance(start, Soft) and start.variable != variable:
+        return start
     return Slice(start, {variable: place})
 
 

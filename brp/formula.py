@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any
 
-from brp.expression import Conditional, Leaf, Node, Otherwise, Slice, Split, Sum, climb
+from brp.expression import Conditional, Leaf, Node, Otherwise, Slice, Soft, Split, Sum, climb
 from brp.factors import label
 from brp.simplification import Simplified
 from brp.variables import text
@@ -28,6 +28,8 @@ def _write(here: Node, depth: int) -> Generator[tuple[Any, ...], str, str]:
     if isinstance(here, Leaf):
         density = here.density
         return label(density.of, density.given, density.names, here.fixed)
+    if isinstance(here, Soft):
+        return f"({here.variable})"
     if isinstance(here, Sum) and isinstance(here.children[0], Split):
         parts = []
         for branch in here.children[0].children:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brp.expression import Conditional, Leaf, Node, Otherwise, Product, Slice, Split, Sum, climb, postorder
+from brp.expression import Conditional, Leaf, Node, Otherwise, Product, Slice, Soft, Split, Sum, climb, postorder
 from brp.factors import Density
 from brp.variables import Variable
 
@@ -28,14 +28,16 @@ def logarithms(
     order: Sequence[Variable],
     known: Mapping[Variable, int] | None = None,
     without: frozenset[Density] = frozenset(),
+    soft: Mapping[Variable, Logs] | None = None,
 ) -> Logs:
     """The logarithm of ``start`` with ``known`` at their places, an axis for each variable of ``order``.
 
     A variable of ``order`` that ``start`` does not depend on has an axis of length 1. Minus infinity is zero; nan
     stands where a question within has no answer, because what it knows there is impossible. The densities in
-    ``without`` count as 1 everywhere.
+    ``without`` count as 1 everywhere. ``soft`` are the logarithms of the weights of what is known softly.
     """
     fixed = dict(known or {})
+    weights = soft or {}
     rank: dict[Variable, int] = {}
     done: dict[int, Part] = {}
 
@@ -45,6 +47,8 @@ def logarithms(
         part: Part
         if isinstance(here, Leaf):
             part = _leaf(here, fixed, without)
+        elif isinstance(here, Soft):
+            part = (here.variable,), weights[here.variable]
         elif isinstance(here, Sum) and isinstance(here.children[0], Split) and _splits(here):
             split = here.children[0]
             rest = tuple(v for v in here.variables if v != split.variable)
@@ -70,7 +74,7 @@ def logarithms(
             if own:
                 others = {v: place for v, place in fixed.items() if v not in own}
                 free = tuple(v for v in here.variables) + _first(here, {*others, *here.variables})
-                inside = np.broadcast_to(logarithms(here, free, others, without), tuple(map(len, free)))
+                inside = np.broadcast_to(logarithms(here, free, others, without, soft), tuple(map(len, free)))
                 part = tuple(v for v in free if v not in own), inside[tuple(own.get(v, slice(None)) for v in free)]
             else:
                 part = _divide((yield (here.children[0],)), here.variables)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brp.expression import Conditional, Leaf, Node, Otherwise, Product, Slice, Split, Sum, climb, postorder
+from brp.expression import Conditional, Leaf, Node, Otherwise, Product, Slice, Soft, Split, Sum, climb, postorder
 from brp.logs import logarithms
 from brp.variables import Variable, cells
 
@@ -86,13 +86,18 @@ def size(here: Node) -> float:
 
 
 def compiled(
-    start: Node, known: tuple[Variable, ...], order: tuple[Variable, ...], sizes: Sizes | None = None
+    start: Node,
+    known: tuple[Variable, ...],
+    order: tuple[Variable, ...],
+    sizes: Sizes | None = None,
+    soft: tuple[Variable, ...] = (),
 ) -> Compiled:
     """Compile ``start``: known values in, an array with an axis for each of ``order`` out.
 
-    An axis of a variable that ``start`` does not depend on has length 1.
+    An axis of a variable that ``start`` does not depend on has length 1. What is told when it runs are the places
+    of ``known``, then the weights of ``soft``.
     """
-    return _Compiler(known, sizes or Sizes(start)).compile(start, order)
+    return _Compiler(known, soft, sizes or Sizes(start)).compile(start, order)
 
 
 def _written(leaf: Leaf, axes: tuple[Variable, ...]) -> Array:
@@ -109,8 +114,16 @@ def _written(leaf: Leaf, axes: tuple[Variable, ...]) -> Array:
 class _Compiler:
     """Turns an expression into the source of a Python function over named arrays."""
 
-    def __init__(self, known: tuple[Variable, ...], sizes: Sizes, names: dict[str, Any] | None = None) -> None:
+    def __init__(
+        self,
+        known: tuple[Variable, ...],
+        soft: tuple[Variable, ...],
+        sizes: Sizes,
+        names: dict[str, Any] | None = None,
+    ) -> None:
         self.known = known
+        self.soft = soft
+        self.weights = {v: f"w{number}" for number, v in enumerate(soft)}
         self.sizes = sizes
         self.rank = {v: number for number, v in enumerate(known)}
         self.place = {v: f"i{number}" for number, v in enumerate(known)}
@@ -134,8 +147,9 @@ class _Compiler:
 
     def _function(self, name: str, result: str) -> tuple[str, Callable[[Sequence[int]], Array | None]]:
         body = list(self.lines)
-        if self.known:
-            body.insert(0, f"{', '.join(self.place.values())}, = e")
+        told = [*self.place.values(), *self.weights.values()]
+        if told:
+            body.insert(0, f"{', '.join(told)}, = e")
         source = "\n    ".join([f"def {name}(e):", *body, f"return {result}"])
         space: dict[str, Any] = {}
         exec(compile(source, "<plan>", "exec"), self.names, space)  # noqa: S102  (our own text: straight-line numpy)
@@ -145,7 +159,7 @@ class _Compiler:
 
     def _free(self, here: Node) -> frozenset[Variable]:
         """Its free variables: where a table is made of a part, those that are known around it as well."""
-        return here.scope if self.known or not here.evidence else here.scope | here.evidence
+        return here.scope if self.known or self.soft or not here.evidence else here.scope | here.evidence
 
     def _lengths(self, here: Node, order: tuple[Variable, ...]) -> tuple[int, ...]:
         free = self._free(here)
@@ -155,7 +169,7 @@ class _Compiler:
         if isinstance(here, Leaf):
             return size(here) <= (LIGHT if here.density.light else LEAF)
         # With nothing known, and of the whole, a fold would be the very computation that is being compiled.
-        return bool(self.known) and here is not self.root and self.sizes.folds(here)
+        return bool(self.known or self.soft) and here is not self.root and self.sizes.folds(here)
 
     # Lines of source.
 
@@ -194,6 +208,8 @@ class _Compiler:
                 self.made[key] = self._table(here, order, shape, scale)
             elif isinstance(here, Leaf):
                 self.made[key] = self._density(here, order, shape)
+            elif isinstance(here, Soft):
+                self.made[key] = self._reshaped(self.weights[here.variable], (len(here.variable),), shape)
             elif isinstance(here, Sum):
                 self.made[key] = yield from self._sum(here, order, shape, scale)
             elif isinstance(here, Split):
@@ -360,7 +376,7 @@ class _Compiler:
         functions = []
         natural = self._lengths(here, order)
         for number, branch in enumerate(here.children):
-            inner = _Compiler(self.known, self.sizes, self.names)
+            inner = _Compiler(self.known, self.soft, self.sizes, self.names)
             own = self._lengths(branch, order)
             result = climb(inner._emit, branch, order, own, scale)
             if own != natural:
@@ -426,12 +442,13 @@ class _Compiler:
     ) -> str:
         """A question whose searched variables are known around it: normalised first, by a function of its own."""
         known = tuple(v for v in self.known if v not in own)
-        inner = _Compiler(known, self.sizes, self.names)
+        inner = _Compiler(known, self.soft, self.sizes, self.names)
         full = (*own, *order)
         lengths = (*map(len, own), *self._lengths(here, order))
         source, run = inner._function("within", climb(inner._emit, here, full, lengths, False))
         self.sources.extend([*inner.sources, source])
-        answer = self._register(f"{self._constant(run)}(({''.join(f'{self.place[v]}, ' for v in known)}))")
+        told = [*(self.place[v] for v in known), *self.weights.values()]
+        answer = self._register(f"{self._constant(run)}(({''.join(f'{name}, ' for name in told)}))")
         self.lines.append(f"if {answer} is None: return None")
         result = self._register(f"{answer}[{', '.join(self.place[v] for v in own)}]")
         return self._reshaped(result, lengths[len(own) :], shape)
@@ -449,5 +466,7 @@ class _Compiler:
         inner = (*fixed, *(v for v in order if v not in fixed))
         own = self._lengths(child, inner)
         name = yield (child, inner, own, False)
-        result = self._register(f"{name}[{', '.join(str(place) for place in fixed.values())}]")
+        # A child may turn out not to depend on what is fixed: its axis is of length 1 then.
+        at = ", ".join(str(min(place, length - 1)) for place, length in zip(fixed.values(), own, strict=False))
+        result = self._register(f"{name}[{at}]")
         return self._reshaped(result, own[len(fixed) :], shape)

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brp.distribution import Distribution
-from brp.errors import EvidenceError, ImpossibleEvidence, QuestionError, SpecificationError, TooLarge
-from brp.expression import Leaf, Node, Otherwise, Split, Subroutine, node, postorder
-from brp.factors import Factor, label
+from brp.errors import EvidenceError, ImpossibleEvidence, QuestionError, TooLarge
+from brp.evidence import Evidence, Signature, weigh
+from brp.expression import Leaf, Node, Otherwise, node, postorder
+from brp.factors import Density, Factor, label
 from brp.forms import Form
 from brp.formula import formula
 from brp.hierarchy import hierarchy
@@ -19,6 +20,7 @@ from brp.logs import logarithms
 from brp.plan import Sizes, compiled, probabilities
 from brp.renewal import Plan, renewed
 from brp.simplification import Simplified, simplify
+from brp.subroutine import Renamed, subroutine
 from brp.variables import Term, Variable, text
 
 if TYPE_CHECKING:
@@ -43,6 +45,7 @@ class Question(Form):
         term: Term,
         largest: int = LARGEST,
         *,
+        soft: tuple[Variable, ...] = (),
         rules: tuple[Form, ...] = (),
         like: Plan | None = None,
     ) -> None:
@@ -56,11 +59,16 @@ class Question(Form):
         self.term = term
         self.largest = largest
         self.rules = rules
+        self.soft = soft
         self.searched, self.known = term.of, term.given
         self.names = description.names
+        foreign = [v for v in soft if v not in self.known]
+        if foreign:
+            raise QuestionError(f"{text(foreign)} cannot be known softly in {self.name}, which does not know it")
+        self.signature = Signature(self.name, self.known, soft)
         factors = tuple(description.relevant(term))
         kept = None if like is None else renewed(like, factors)
-        self.simplified: Simplified = kept or simplify(factors, self.searched, self.known, self.name)
+        self.simplified: Simplified = kept or simplify(factors, self.searched, self.known, self.name, soft)
         self.plan = Plan(self.simplified, factors)
         if self.simplified.largest * 8 > largest:
             raise TooLarge(
@@ -75,44 +83,45 @@ class Question(Form):
             )
         self._shape = tuple(map(len, self.searched))
         self._table: NDArray[np.float64] | None = None
+        self._hard = tuple(v for v in self.known if v not in soft) if soft else self.known
         sizes = Sizes(self.start)
-        matter = self.known
         if sizes.folds(self.start):
-            # Every answer at once; a call then only looks it up, and keeps what it made of it. What does not matter
-            # (a reading, once its cause is known) has no axis: the table would be as large as all that is known.
-            matter = tuple(v for v in self.known if self.start.has(v))
-            table = probabilities(self.start, (*matter, *self.searched))
+            # Every answer at once; a call then only looks it up, and keeps what it made of it.
+            matters = tuple(v for v in self.known if self.start.has(v))
+            table = probabilities(self.start, (*matters, *self.searched))
             self._table = table.reshape(-1, *self._shape)
+            gaps = np.logical_or.reduce(np.isnan(self._table.reshape(len(self._table), -1)), axis=1)
+            self._gaps: list[bool] = list(gaps) if gaps.any() else []
             self._answers: list[Distribution | None] = [None] * len(self._table)
             self.source = "# every answer is in a table"
         else:
-            plan = compiled(self.start, self.known, self.searched, sizes)
+            plan = compiled(self.start, self._hard, self.searched, sizes, soft)
             self._run, self.source = plan.run, plan.source
-        strides, stride = [0] * len(self.known), 1
-        for number in reversed(range(len(self.known))):
-            if self.known[number] in matter:
-                strides[number] = stride
-                stride *= len(self.known[number]) if self._table is not None else 1
-        self._steps = [
-            (
-                v.keyword,
-                {value: place * stride for value, place in v.places.items()}
-                if self._table is not None
-                else v.places,
-            )
-            for v, stride in zip(self.known, strides, strict=True)
-        ]
+        steps: list[tuple[str, Mapping[Any, int]]] = []
+        stride = 1
+        for v in reversed(self._hard):
+            if self._table is None:
+                steps.append((v.keyword, v.places))
+            elif self.start.has(v):
+                steps.append((v.keyword, {value: place * stride for value, place in v.places.items()}))
+                stride *= len(v)
+            else:
+                steps.append((v.keyword, dict.fromkeys(v.places, 0)))
+        self._steps = steps[::-1]
 
     @property
     def name(self) -> str:
         """``P(Vrot | Prox Dir delta-push pi-obstacle)``: as the paper writes it, in the order asked."""
-        return label(self.searched, self.known, self.names)
+        if not self.soft:
+            return label(self.searched, self.known, self.names)
+        right = [f"(soft {v})" if v in self.soft else str(v) for v in self.known]
+        return f"P({text(self.searched)} | {text([*right, *self.names])})"
 
     def __call__(self, **known: Any) -> Distribution:
         """The distribution over the searched variables, the known ones having these values.
 
         Raises `NotAValue` or `EvidenceError` for evidence that does not fit, `ImpossibleEvidence` when it has
-        probability zero.
+        probability zero. A variable that is known softly is told a distribution, or a weight for each value.
         """
         try:
             if self._table is not None:
@@ -120,68 +129,62 @@ class Question(Form):
                 for keyword, steps in self._steps:
                     cell += steps[known[keyword]]
             else:
-                places = [steps[known[keyword]] for keyword, steps in self._steps]
-        except (KeyError, TypeError):
+                told: list[Any] = [steps[known[keyword]] for keyword, steps in self._steps]
+                if self.soft:
+                    told += [weigh(v, known[v.keyword]) for v in self.soft]
+        except (KeyError, TypeError, EvidenceError):
             raise self._refusal(known) from None
-        if len(self._steps) != len(known):
+        if len(known) != len(self.known):
             raise self._refusal(known)
         if self._table is not None:
             return self._answers[cell] or self._answer(cell, known)
-        p = self._run(places)
+        p = self._run(told)
         return Distribution(self.searched, p.reshape(self._shape) if p is not None else self._slowly(known))
 
-    def _answer(self, cell: int, known: Mapping[str, Any]) -> Distribution:
+    def _answer(self, cell: int, told: Mapping[str, Any]) -> Distribution:
         assert self._table is not None
         p = self._table[cell]
-        if np.isnan(p).any():
-            p = self._slowly(known)
+        if self._gaps and self._gaps[cell]:
+            p = self._slowly(told)
         answer = self._answers[cell] = Distribution(self.searched, p)
         return answer
 
-    def _places(self, known: Mapping[str, Any]) -> dict[Variable, int]:
-        return {variable: variable.place(known[variable.keyword]) for variable in self.known}
-
-    def _slowly(self, known: Mapping[str, Any]) -> NDArray[np.float64]:
+    def _slowly(self, told: Mapping[str, Any]) -> NDArray[np.float64]:
         """The answer in logarithms; raises `ImpossibleEvidence` when there is none."""
-        places = self._places(known)
-        logs = logarithms(self.start, self.searched, places)
+        evidence = self.signature.read(told)
+        logs = self._logarithms(self.start, evidence)
         if np.isnan(logs).any():
-            raise self._impossible(places)
+            raise self._impossible(evidence)
         p: NDArray[np.float64] = np.exp(np.broadcast_to(logs, self._shape))
         total: float = p.sum()
         return p / total
 
-    def _refusal(self, known: Mapping[str, Any]) -> EvidenceError:
+    def _logarithms(
+        self, start: Node, evidence: Evidence, without: frozenset[Density] = frozenset()
+    ) -> NDArray[np.float64]:
+        return logarithms(start, self.searched, evidence.places, without, evidence.logs)
+
+    def _refusal(self, told: Mapping[str, Any]) -> EvidenceError:
         """What is wrong with the evidence, as a sentence."""
-        wanted = {v.keyword: v for v in self.known}
-        missing = [v for keyword, v in wanted.items() if keyword not in known]
-        if missing:
-            return EvidenceError(f"{self.name} must be told {text(missing)}")
-        extra = [keyword for keyword in known if keyword not in wanted]
-        if extra:
-            return EvidenceError(
-                f"{self.name} does not know {text(extra)}; it knows {text(self.known) or 'nothing'}"
-            )
         try:
-            self._places(known)
+            self.signature.read(told)
         except EvidenceError as error:
-            return type(error)(f"{error}, in {self.name}")
+            return error
         raise AssertionError("evidence was refused that fits")
 
-    def _impossible(self, places: Mapping[Variable, int]) -> ImpossibleEvidence:
+    def _impossible(self, evidence: Evidence) -> ImpossibleEvidence:
         """Name the fewest terms that exclude the evidence: leave out each without which it stays excluded."""
         (product,) = self.simplified.start.children
         leaves = [n for n in postorder(product) if isinstance(n, Leaf) and n.density.vanishes]
         innocent: frozenset[Any] = frozenset()
         for density in dict.fromkeys(leaf.density for leaf in leaves):
-            logs = logarithms(product, self.searched, places, innocent | {density})
+            logs = self._logarithms(product, evidence, innocent | {density})
             if np.isnan(logs).any() or np.isneginf(logs).all():
                 innocent |= {density}
         guilty = tuple(dict.fromkeys(str(leaf.density) for leaf in leaves if leaf.density not in innocent))
-        said = ", ".join(f"{v} = {v.values[place]}" for v, place in places.items())
         together = "excludes it" if len(guilty) == 1 else "together exclude it"
         return ImpossibleEvidence(
-            f"{said or 'nothing known'} is impossible in {self.name}: {' and '.join(guilty)} {together}", guilty
+            f"{evidence} is impossible in {self.name}: {' and '.join(guilty)} {together}", guilty
         )
 
     # As a form.
@@ -204,6 +207,8 @@ class Question(Form):
             raise QuestionError(
                 f"where {self.name} is impossible wants one rule: a form, or without= and a variable"
             )
+        if self.soft:
+            raise QuestionError(f"{self.name} knows {text(self.soft)} only softly, and has no rows to fill")
         if rule is None:
             given = tuple(v for v in self.known if v not in dropped)
             rule = self.description.ask(Term(self.searched, given), largest=self.largest)
@@ -211,13 +216,7 @@ class Question(Form):
 
     def possible(self, **known: Any) -> bool:
         """Whether these known values have a probability above zero, so that no rule is needed to answer."""
-        if known.keys() != {v.keyword for v in self.known}:
-            raise self._refusal(known)
-        try:
-            places = self._places(known)
-        except EvidenceError:
-            raise self._refusal(known) from None
-        return not np.isnan(logarithms(self.simplified.start, self.searched, places)).any()
+        return not np.isnan(self._logarithms(self.simplified.start, self.signature.read(known))).any()
 
     @property
     def inner(self) -> tuple[Form, ...]:
@@ -228,11 +227,11 @@ class Question(Form):
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
         """The question as a factor of another description."""
-        return _subroutine(self, {}, term)
+        return subroutine(self, {}, term)
 
     def renamed(self, new: Mapping[Variable, Variable]) -> Form:
         """The question as a form over other variables: ``{Theta1: Theta2}`` reads Theta2 where it knew Theta1."""
-        return _Renamed(self, new)
+        return Renamed(self, new)
 
     def __str__(self) -> str:
         written = formula(self.simplified)
@@ -256,62 +255,3 @@ class Question(Form):
 
     def __repr__(self) -> str:
         return f"<Question {self.name}>"
-
-
-class _Renamed(Form):
-    """A question over other variables."""
-
-    def __init__(self, question: Question, new: Mapping[Variable, Variable]) -> None:
-        for old, variable in new.items():
-            if old not in question.term.variables:
-                raise SpecificationError(f"{question.name} has no {old} to be renamed")
-            if old.values != variable.values:
-                raise SpecificationError(f"{old} cannot be renamed {variable}: their values differ")
-        self.question = question
-        self.new = dict(new)
-
-    @property
-    def inner(self) -> tuple[Form, ...]:
-        """The question."""
-        return (self.question,)
-
-    def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
-        """The question as a factor, its variables renamed."""
-        return _subroutine(self.question, self.new, term)
-
-    def __repr__(self) -> str:
-        return f"{self.question!r} with {', '.join(f'{new} for {old}' for old, new in self.new.items())}"
-
-
-def _subroutine(question: Question, new: Mapping[Variable, Variable], term: Term) -> Factor:
-    searched = tuple(new.get(v, v) for v in question.searched)
-    known = tuple(new.get(v, v) for v in question.known)
-    if set(searched) != set(term.of):
-        raise SpecificationError(
-            f"{question.name} answers about {text(searched)}, and {term} wants {text(term.of)}"
-        )
-    foreign = [v for v in known if v not in term.given]
-    if foreign:
-        raise SpecificationError(
-            f"{question.name} must know {text(foreign)}, which {term} does not give; renamed() can read another "
-            "variable"
-        )
-    simplified = question.simplified
-    # What the question sums out is its own: hidden from every variable of the same name around it.
-    everything = {v for n in postorder(question.start) for v in _bound(n)}
-    hidden = {v: v.hidden() for v in everything if v not in question.term.variables}
-    opened = None if simplified.division or question.rules else simplified.kept
-    plain = Subroutine(
-        question.searched, question.known, question.names, question.start, opened, tuple(simplified.summed)
-    )
-    return plain.renamed({**hidden, **new})
-
-
-def _bound(n: Node) -> Iterable[Variable]:
-    """The variables that a node itself names."""
-    if isinstance(n, Leaf):
-        return n.density.scope
-    if isinstance(n, Split):
-        return (n.variable,)
-    variables: tuple[Variable, ...] = getattr(n, "variables", ())
-    return variables

@@ -19,7 +19,20 @@ import heapq
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from brp.expression import Conditional, Leaf, Node, Otherwise, Product, Slice, Split, Subroutine, Sum, at, node
+from brp.expression import (
+    Conditional,
+    Leaf,
+    Node,
+    Otherwise,
+    Product,
+    Slice,
+    Soft,
+    Split,
+    Subroutine,
+    Sum,
+    at,
+    node,
+)
 from brp.factors import Cases, Factor, Flat
 from brp.variables import Variable, cells
 
@@ -63,17 +76,22 @@ class Account:
 
 
 def simplify(
-    factors: Sequence[Factor], searched: tuple[Variable, ...], known: tuple[Variable, ...], name: str
+    factors: Sequence[Factor],
+    searched: tuple[Variable, ...],
+    known: tuple[Variable, ...],
+    name: str,
+    soft: tuple[Variable, ...] = (),
 ) -> Simplified:
     """Simplify P(searched | known) over the product of ``factors``; every other variable is unknown.
 
-    ``name`` is the question's, for refusals.
+    The ``soft`` ones among the known are summed out as well, weighed by what is said of them. ``name`` is the
+    question's, for refusals.
     """
     opened = _open(factors)
-    given = frozenset(known)
+    given = frozenset(known).difference(soft)
     unknown = [v for v in _scope(opened) if v not in given and v not in searched]
 
-    kept, vanished = _drop_sums_to_one(opened, frozenset(unknown))
+    kept, vanished = _drop_sums_to_one(opened, frozenset(unknown).difference(soft))
     flat: list[Factor] = [factor for factor in kept if isinstance(factor, Flat)]
     # Of a searched or unknown variable, a uniform term may be all that makes the product a distribution.
     division = any(not given.issuperset(factor.of) for factor in flat)
@@ -86,16 +104,17 @@ def simplify(
     kept = [factor for factor in kept if id(factor) not in dropped]
     constant = [factor for factor in kept if given.issuperset(factor.scope)]
     kept = [factor for factor in kept if not given.issuperset(factor.scope) or factor.vanishes]
-    division = division or any(given.intersection(factor.of) for factor in kept)
+    division = division or bool(soft) or any(given.intersection(factor.of) for factor in kept)
 
-    nodes = [node(factor, given) for factor in kept]
-    left = frozenset().union(*[n.scope for n in nodes])
+    nodes: list[Node] = [node(factor, given) for factor in kept]
+    left = frozenset(soft).union(*[n.scope for n in nodes])
     summed = tuple(v for v in unknown if v in left)
     inside = frozenset(summed)
     outside = tuple(
         f for f, n in zip(kept, nodes, strict=True) if inside.isdisjoint(n.scope) and not given.issuperset(f.scope)
     )
     account = Account()
+    nodes += [Soft(v) for v in soft]
     parts = [
         part
         for part in _reduce(nodes, summed, account)

@@ -65,8 +65,10 @@ class Variable:
     def place(self, value: object) -> int:
         """The place of ``value`` among the values; raises `NotAValue`."""
         try:
+            if self._places is None and type(value) is int and isinstance(self.values, range):
+                return self.values.index(value)  # millions of values need no dictionary
             return self.places[value]
-        except (KeyError, TypeError):
+        except (KeyError, TypeError, ValueError):
             raise NotAValue(f"{self.name} = {value!r} is not one of its values ({self.domain})") from None
 
     @property
@@ -83,9 +85,9 @@ class Variable:
     @property
     def numeric(self) -> bool:
         """Whether every value is a number (a truth is none)."""
-        return isinstance(self.values, range) or all(
-            isinstance(value, int | float) and not isinstance(value, bool) for value in self.values
-        )
+        if isinstance(self.values, range):
+            return True
+        return all(isinstance(value, int | float) and not isinstance(value, bool) for value in self.values)
 
     @property
     def numbers(self) -> NDArray[np.float64]:

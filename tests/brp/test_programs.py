@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from brp import Gaussian, P, Specification
 from brp.programs.home import H, Theta1, command, home, homing
-from brp.programs.obstacle import Dir, Prox, Vrot, avoid, obstacle
+from brp.programs.obstacle import Dir, Prox, Vrot, avoid, avoiding, obstacle
 from brp.programs.phototaxy import phototaxy1
 
 Row = NDArray[np.float64]
@@ -46,6 +46,13 @@ def test_the_avoidance_turns_right_for_what_is_ahead() -> None:
     assert avoid(Dir=-1, Prox=8).best() == 10
     assert avoid(Dir=1, Prox=8).best() == -10
     assert avoid(Dir=3, Prox=0).best() == 0
+
+
+def test_e5_1_the_joint_distribution_is_the_product_of_the_terms() -> None:
+    joint = avoiding.ask(P(Dir, Prox, Vrot))()
+    for dir_, prox in product(Dir.values, Prox.values):
+        expected = 1 / 21 * 1 / 16 * page_avoid(int(dir_), int(prox))
+        np.testing.assert_allclose(joint.p[int(dir_) + 10, int(prox)], expected, rtol=1e-12)
 
 
 def test_e5_2_equals_the_page_for_all_evidence() -> None:
