@@ -35,6 +35,7 @@ from brp.errors import (
 from brp.forms import Dirac, Form, Sigmoid, Switch, Table, Uniform
 from brp.gaussian import Gaussian, Prior
 from brp.nearest import Nearest
+from brp.propositions import Proposition
 from brp.question import Question
 from brp.variables import P, Term, Value, Variable
 
@@ -55,6 +56,7 @@ __all__ = [
     "NotNumeric",
     "P",
     "Prior",
+    "Proposition",
     "Question",
     "QuestionError",
     "Sigmoid",

@@ -459,13 +459,12 @@ class _Compiler:
         child = here.children[0]
         # A known command variable is at this place already: the slice stands in the case for it. And the child may
         # not depend on another one at all: `has` says too often that it does.
-        fixed = {v: place for v, place in here.fixed.items() if v not in self.place and v in child.scope}
+        free = self._free(child)
+        fixed = {v: place for v, place in here.fixed.items() if v not in self.place and v in free}
         if not fixed:
             return (yield (child, order, shape, False))
         inner = (*fixed, *(v for v in order if v not in fixed))
         own = self._lengths(child, inner)
         name = yield (child, inner, own, False)
-        # A child may turn out not to depend on what is fixed: its axis is of length 1 then.
-        at = ", ".join(str(min(place, length - 1)) for place, length in zip(fixed.values(), own, strict=False))
-        result = self._register(f"{name}[{at}]")
+        result = self._register(f"{name}[{', '.join(str(place) for place in fixed.values())}]")
         return self._reshaped(result, own[len(fixed) :], shape)
