@@ -19,6 +19,7 @@ vrot = turn(Dir=3, Prox=12).draw(rng)
 from brp.counts import Histogram, Laplace
 from brp.description import Description, Specification
 from brp.distribution import Distribution
+from brp.em import Identified, identify_hidden
 from brp.errors import (
     BrpError,
     DataError,
@@ -28,6 +29,7 @@ from brp.errors import (
     NotNumeric,
     QuestionError,
     SpecificationError,
+    StoreError,
     TermError,
     TooLarge,
     Unidentified,
@@ -49,6 +51,7 @@ __all__ = [
     "Form",
     "Gaussian",
     "Histogram",
+    "Identified",
     "ImpossibleEvidence",
     "Laplace",
     "Nearest",
@@ -62,6 +65,7 @@ __all__ = [
     "Sigmoid",
     "Specification",
     "SpecificationError",
+    "StoreError",
     "Switch",
     "Table",
     "Term",
@@ -71,4 +75,5 @@ __all__ = [
     "Uniform",
     "Value",
     "Variable",
+    "identify_hidden",
 ]

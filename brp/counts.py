@@ -19,12 +19,12 @@ from brp.nearest import Nearest, nearest
 from brp.samples import Samples, weighed
 from brp.variables import Term, Variable, cells
 
-__all__ = ["Counted", "Histogram", "Laplace"]
+__all__ = ["Counted", "Counting", "Histogram", "Laplace"]
 
 Array = NDArray[np.float64]
 
 
-class _Counting(Form):
+class Counting(Form):
     """What both forms share: ``bins`` and the count of each value for each cell."""
 
     free = True
@@ -63,7 +63,7 @@ class _Counting(Form):
         return at
 
 
-class Laplace(_Counting):
+class Laplace(Counting):
     """The Laplace succession law (n_v + 1) / (N + |V|): uniform before any data, never zero after.
 
     With ``bins`` the values of one variable are counted in that many neighbourhoods of equal width, whose values
@@ -79,7 +79,7 @@ class Laplace(_Counting):
         return f"Laplace({'' if self.bins is None else f'bins={self.bins}'})"
 
 
-class Histogram(_Counting):
+class Histogram(Counting):
     """The frequencies n_v / N: a value that was never observed is impossible.
 
     A cell that no sample visited answers as ``unvisited`` says: uniform, or as the `Nearest` one visited. ``bins``
@@ -106,7 +106,7 @@ class Counted(Form):
 
     learns = True
 
-    def __init__(self, form: _Counting, counts: Array) -> None:
+    def __init__(self, form: Counting, counts: Array) -> None:
         self.form = form
         self.counts = counts
 

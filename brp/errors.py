@@ -10,6 +10,7 @@
     |-- EvidenceError        a known variable is missing, superfluous, or
     |   `-- NotAValue        has a value that the variable does not have
     |-- ImpossibleEvidence   what is known has probability zero; names the terms that say so
+    |-- StoreError           a file that is damaged, or made with another specification
     `-- NotNumeric           arithmetic on a variable whose values are words
 
 Each carries one sentence that names the culprit and says what to do.
@@ -26,6 +27,7 @@ __all__ = [
     "NotNumeric",
     "QuestionError",
     "SpecificationError",
+    "StoreError",
     "TermError",
     "TooLarge",
     "Unidentified",
@@ -77,6 +79,10 @@ class ImpossibleEvidence(BrpError):
     def __init__(self, sentence: str, terms: tuple[str, ...] = ()) -> None:
         super().__init__(sentence)
         self.terms = terms
+
+
+class StoreError(BrpError):
+    """A file that is damaged, of another version, or made with another specification."""
 
 
 class NotNumeric(BrpError):

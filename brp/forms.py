@@ -196,7 +196,7 @@ class Switch(Form):
 
     def identify(self, term: Term, samples: Samples) -> Switch:
         """Each case from the samples in which the command variable had its value."""
-        within = self._within(term)
+        within = self.within(term)
         return self._with(
             lambda form, places: form.identify(within, samples.where(self.variable, places)) if form.free else form
         )
@@ -213,12 +213,19 @@ class Switch(Form):
 
     def learn(self, term: Term, samples: Samples) -> Switch:
         """Each case, with the samples in which the command variable had its value."""
-        within = self._within(term)
-        return self._with(lambda form, places: form.learn(within, samples.where(self.variable, places)))
+        within = self.within(term)
+        met = set(samples[self.variable].tolist())
+        return self._with(
+            lambda form, places: (
+                form.learn(within, samples.where(self.variable, places))
+                if form.free or not met.isdisjoint(places)
+                else form
+            )
+        )
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
         """The cases, side by side."""
-        within = self._within(term)
+        within = self.within(term)
         factors = {id(form): form.factor(within, names) for form in self.cases.values()}
         branches = tuple(factors[id(self._forms[place])] for place in range(len(self.variable)))
         return Cases(term.of, names, self.variable, branches)
@@ -231,7 +238,8 @@ class Switch(Form):
             cases[key] = change(form, places) if form.learns else form
         return Switch(self.variable, cases)
 
-    def _within(self, term: Term) -> Term:
+    def within(self, term: Term) -> Term:
+        """The term that each case stands for: without the command variable at the right of the bar."""
         if self.variable not in term.given:
             raise SpecificationError(f"{term} switches on {self.variable}, which is not right of its bar")
         return Term(term.of, tuple(v for v in term.given if v != self.variable))

@@ -118,7 +118,7 @@ class Taught(Form):
     def learn(self, term: Term, samples: Samples) -> Taught:
         """The sums with more samples; refuses to remove what was never there."""
         of = _only(term)
-        difference = of.numbers[samples[of]] - _middle(of)
+        difference = of.numbers[samples[of]] - self.origin(term)
         at, weights = samples.cells(term.given), samples.weights
         count = weighed(self.count, at, weights, term)
         first, second = self.first.copy(), self.second.copy()
@@ -130,10 +130,16 @@ class Taught(Form):
                 raise DataError(f"{term} cannot forget a datum that it never learnt")
         return Taught(self.form, count, first, second)
 
+    @staticmethod
+    def origin(term: Term) -> float:
+        """The value from which differences are taken: near the samples, so that their squares stay small."""
+        of = _only(term)
+        return float(of.values[len(of) // 2])
+
     def parameters(self, term: Term) -> tuple[Array, Array]:
         """The mean and the deviation that each cell answers with; nan and infinity where it is uniform."""
         visited = self.count > 0
-        mean, variance = self._moments(_only(term))
+        mean, variance = self._moments(term)
         deviation = np.sqrt(variance)
         rule = self.form.unvisited
         if isinstance(rule, Prior):
@@ -151,11 +157,11 @@ class Taught(Form):
         """The identified Gaussians."""
         return _density(term, term.given, names, *self.parameters(term))
 
-    def _moments(self, of: Variable) -> tuple[Array, Array]:
+    def _moments(self, term: Term) -> tuple[Array, Array]:
         """Mean and variance of the samples of each cell; zero where there are none."""
         count = np.where(self.count > 0, self.count, 1.0)
         variance = np.maximum(0.0, count * self.second - self.first**2) / count**2
-        return np.where(self.count > 0, _middle(of) + self.first / count, 0.0), variance
+        return np.where(self.count > 0, self.origin(term) + self.first / count, 0.0), variance
 
     def _with(self, prior: Prior, mean: Array, variance: Array) -> tuple[Array, Array]:
         weight = self.count + prior.strength
@@ -213,8 +219,3 @@ def _totals(x: Array, centre: Array, width: Array, flat: NDArray[np.bool_]) -> A
         largest = each.max(axis=0)
         total[part] = largest + np.log(np.exp(each - largest).sum(axis=0))
     return total.reshape(centre.shape)
-
-
-def _middle(of: Variable) -> float:
-    """The value from which differences are taken: near the samples, so that their squares stay small."""
-    return float(of.values[len(of) // 2])

@@ -86,9 +86,9 @@ class Variable:
     @property
     def numeric(self) -> bool:
         """Whether every value is a number (a truth is none)."""
-        return isinstance(self.values, range) or all(
-            isinstance(value, int | float) and not isinstance(value, bool) for value in self.values
-        )
+        if isinstance(self.values, range):
+            return True
+        return all(isinstance(value, int | float) and not isinstance(value, bool) for value in self.values)
 
     @property
     def numbers(self) -> NDArray[np.float64]:

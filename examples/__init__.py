@@ -1,0 +1,1 @@
+"""What brp is for, in short scripts: ``python -m examples.pushing``, and so on."""
