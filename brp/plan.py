@@ -466,7 +466,5 @@ class _Compiler:
         inner = (*fixed, *(v for v in order if v not in fixed))
         own = self._lengths(child, inner)
         name = yield (child, inner, own, False)
-        # A child may turn out not to depend on what is fixed: its axis is of length 1 then.
-        at = ", ".join(str(min(place, length - 1)) for place, length in zip(fixed.values(), own, strict=False))
-        result = self._register(f"{name}[{at}]")
+        result = self._register(f"{name}[{', '.join(str(place) for place in fixed.values())}]")
         return self._reshaped(result, own[len(fixed) :], shape)

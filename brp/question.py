@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from brp.distribution import Distribution
 from brp.errors import EvidenceError, ImpossibleEvidence, QuestionError, TooLarge
 from brp.evidence import Evidence, Signature, weigh
+from brp.explain import Contribution, Explanation, bits
 from brp.expression import Leaf, Node, Otherwise, node, postorder
 from brp.factors import Density, Factor, label
 from brp.forms import Form
@@ -18,6 +19,7 @@ from brp.formula import formula
 from brp.hierarchy import hierarchy
 from brp.logs import logarithms
 from brp.plan import Sizes, compiled, probabilities
+from brp.propositions import Proposition
 from brp.renewal import Plan, renewed
 from brp.simplification import Simplified, simplify
 from brp.subroutine import Renamed, subroutine
@@ -213,6 +215,32 @@ class Question(Form):
             given = tuple(v for v in self.known if v not in dropped)
             rule = self.description.ask(Term(self.searched, given), largest=self.largest)
         return Question(self.description, self.term, self.largest, rules=(*self.rules, rule))
+
+    def probability(self, proposition: Proposition, given: Proposition | None = None, /, **known: Any) -> float:
+        """The probability of a proposition about what is searched: ``turn.probability(Vrot > 0, Dir=3, Prox=12)``.
+
+        ``given`` is another proposition to be taken as true as well.
+        """
+        return self(**known).probability(proposition, given)
+
+    def explain(self, value: Any, **known: Any) -> Explanation:
+        """What each term says for or against a value, the known ones being these: see `Contribution`."""
+        p = self(**known)
+        here, evidence = p[value], self.signature.read(known)
+        parts = (value,) if len(self.searched) == 1 else value
+        at = {v: v.place(part) for v, part in zip(self.searched, parts, strict=True)} | dict(evidence.places)
+        leaves = [n for n in postorder(self.start) if isinstance(n, Leaf)]
+        contributions = []
+        for density in dict.fromkeys(leaf.density for leaf in leaves):
+            logs = np.broadcast_to(self._logarithms(self.start, evidence, frozenset((density,))), self._shape)
+            # Without the term nothing need be left that tells the values apart, or that excludes any.
+            without = float(np.exp(logs[tuple(at[v] for v in self.searched)]))
+            own = None
+            if all(v in at for v in density.scope):
+                own = float(np.exp(density.log(*(at[v] for v in density.scope))))
+            contributions.append(Contribution(str(density), without, bits(here, without), own))
+        contributions.sort(key=lambda c: -abs(c.bits))
+        return Explanation(self.name, value, here, tuple(contributions))
 
     def possible(self, **known: Any) -> bool:
         """Whether these known values have a probability above zero, so that no rule is needed to answer."""
