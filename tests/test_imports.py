@@ -91,6 +91,7 @@ TABLE: dict[str, set[str]] = {
 BRP = [
     "errors",
     "variables",
+    "propositions",
     "functions",
     "nearest",
     "factors",
@@ -100,19 +101,31 @@ BRP = [
     "gaussian",
     "counts",
     "hierarchy",
+    "evidence",
     "expression",
+    "formula",
     "simplification",
     "renewal",
-    "formula",
     "logs",
     "plan",
+    "explain",
+    "subroutine",
     "question",
     "description",
+    "pointwise",
+    "em",
+    "store",
+    "filter",
+    "sampling",
+    "mrbt",
     "programs",
 ]
 TABLE |= {f"brp.{name}": {"numpy", *(f"brp.{before}" for before in BRP[:place])} for place, name in enumerate(BRP)}
 TABLE["brp"] = {f"brp.{name}" for name in BRP if name != "programs"}  # the public face
+TABLE["brp.variables"] |= {"brp.propositions"}  # late: Dir.is_(3) and Prox > 8 make propositions
 TABLE["brp.question"] |= {"brp.description"}  # for the type checker alone: a description makes its questions
+TABLE["brp.subroutine"] |= {"brp.question"}  # and so is this: a question makes itself a subroutine
+TABLE["brp.formula"] |= {"brp.simplification"}  # and this
 TABLE["brp.programs"] |= {"brp.programs"}
 
 # What must not even come from the standard library.
