@@ -39,6 +39,7 @@ from brp.forms import Dirac, Form, Sigmoid, Switch, Table, Uniform
 from brp.gaussian import Gaussian, Prior
 from brp.mrbt import Tree, tree
 from brp.nearest import Nearest
+from brp.propositions import Proposition
 from brp.question import Question
 from brp.sampling import Estimate, Sampling
 from brp.variables import P, Term, Value, Variable
@@ -64,6 +65,7 @@ __all__ = [
     "P",
     "Particles",
     "Prior",
+    "Proposition",
     "Question",
     "QuestionError",
     "Sampling",

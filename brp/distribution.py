@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from brp.errors import QuestionError
+from brp.errors import ImpossibleEvidence, QuestionError
+from brp.functions import tabulate
+from brp.propositions import Proposition
 from brp.variables import Value, Variable, text
 
 __all__ = ["Distribution"]
@@ -69,6 +71,34 @@ class Distribution:
         """The expected value: a float, or a tuple of them for several variables; raises `NotNumeric` for words."""
         means = tuple(float(self.marginal(v).p @ v.numbers) for v in self.variables)
         return means[0] if len(means) == 1 else means
+
+    def expect(self, utility: Callable[..., float] | ArrayLike) -> float:
+        """The expected utility: a function of some of the variables by name, or an array shaped like ``p``."""
+        if not callable(utility):
+            worth = np.asarray(utility, dtype=np.float64)
+            if worth.shape != self.p.shape:
+                raise QuestionError(f"a utility of the shape {worth.shape} is not one of {text(self.variables)}")
+            return float((self.p * worth).sum())
+        used, worth = tabulate(utility, self.variables, f"the utility of {text(self.variables)}")
+        return float((self.marginal(*used).p * worth).sum()) if used else float(worth)
+
+    def probability(self, proposition: Proposition, given: Proposition | None = None) -> float:
+        """The probability of a proposition about the variables, ``given`` another one if need be [E3.2].
+
+        Raises `ImpossibleEvidence` when what is given has probability zero.
+        """
+        for part in (proposition, given):
+            foreign = [v for v in part.variables if v not in self.variables] if part is not None else []
+            if foreign:
+                raise QuestionError(f"{text(foreign)} is not among what was searched ({text(self.variables)})")
+        truth = proposition.truth(self.variables)
+        if given is None:
+            return float(self.p[np.broadcast_to(truth, self.p.shape)].sum())
+        within = np.broadcast_to(given.truth(self.variables), self.p.shape)
+        total = float(self.p[within].sum())
+        if total == 0:
+            raise ImpossibleEvidence(f"{given} is impossible, and nothing can be said given that")
+        return float(self.p[within & truth].sum()) / total
 
     def entropy(self) -> float:
         """The entropy in bits: 0 when one value is certain, log2 of their number when all are alike."""

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from typing import Any
+from collections.abc import Generator, Iterable
+from typing import TYPE_CHECKING, Any
 
 from brp.expression import Conditional, Leaf, Node, Otherwise, Slice, Soft, Split, Sum, climb
-from brp.factors import label
-from brp.simplification import Simplified
+from brp.factors import Factor, label
 from brp.variables import text
 
-__all__ = ["formula"]
+if TYPE_CHECKING:
+    from brp.simplification import Simplified
+
+__all__ = ["formula", "report"]
 
 LONG = 4000
 """A part longer than this is cut short: a thousand nested sums are not for reading."""
@@ -59,3 +61,22 @@ def _write(here: Node, depth: int) -> Generator[tuple[Any, ...], str, str]:
 
 def _short(words: str) -> str:
     return words if len(words) <= LONG else f"{words[: LONG // 2]} ... {words[-LONG // 2 :]}"
+
+
+def report(simplified: Simplified) -> str:
+    """What the symbolic phase did, a line for each thing that it did do, and what is left to compute."""
+    lines = [
+        ("left to compute", formula(simplified)),
+        ("uniform, dropped", _listed(simplified.flat)),
+        ("constant, dropped", _listed(f for f in simplified.constant if not f.vanishes)),
+        ("constant, kept since it may be zero", _listed(f for f in simplified.constant if f.vanishes)),
+        ("sums to 1, vanished", _listed(simplified.vanished)),
+        ("outside the sum", _listed(simplified.outside) if simplified.summed else ""),
+        ("summed, in this order", _short(text(simplified.order))),
+        ("largest array", f"{simplified.largest} numbers; {simplified.operations} multiplications"),
+    ]
+    return "\n".join(f"{what}: {which}" for what, which in lines if which)
+
+
+def _listed(factors: Iterable[Factor]) -> str:
+    return _short(", ".join(map(str, factors)))

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brp.batch import answered, columns
 from brp.distribution import Distribution
 from brp.errors import EvidenceError, ImpossibleEvidence, QuestionError, TooLarge
 from brp.evidence import Evidence, Signature, weigh
+from brp.explain import Contribution, Explanation, bits
 from brp.expression import Leaf, Node, Otherwise, node, postorder
 from brp.factors import Density, Factor, label
 from brp.forms import Form
@@ -18,6 +20,7 @@ from brp.formula import formula
 from brp.hierarchy import hierarchy
 from brp.logs import logarithms
 from brp.plan import Sizes, compiled, probabilities
+from brp.propositions import Proposition
 from brp.renewal import Plan, renewed
 from brp.simplification import Simplified, simplify
 from brp.subroutine import Renamed, subroutine
@@ -98,12 +101,14 @@ class Question(Form):
             plan = compiled(self.start, self._hard, self.searched, sizes, soft)
             self._run, self.source = plan.run, plan.source
         steps: list[tuple[str, Mapping[Any, int]]] = []
+        self._strides: dict[Variable, int] = {}
         stride = 1
         for v in reversed(self._hard):
             if self._table is None:
                 steps.append((v.keyword, v.places))
             elif self.start.has(v):
                 steps.append((v.keyword, {value: place * stride for value, place in v.places.items()}))
+                self._strides[v] = stride
                 stride *= len(v)
             else:
                 steps.append((v.keyword, dict.fromkeys(v.places, 0)))
@@ -213,6 +218,57 @@ class Question(Form):
             given = tuple(v for v in self.known if v not in dropped)
             rule = self.description.ask(Term(self.searched, given), largest=self.largest)
         return Question(self.description, self.term, self.largest, rules=(*self.rules, rule))
+
+    def batch(self, rows: Mapping[str, Any]) -> NDArray[np.float64]:
+        """The answers to many rows of evidence at once: ``turn.batch({"Dir": dirs, "Prox": proxes})``.
+
+        ``rows`` has a column of values for each known variable, all of one length n (for what is known softly, n
+        times what a call would be told). The answer has the shape ``(n, ...)``, an axis for each searched variable
+        after the first; row by row it is what a call answers. Raises as a call does, naming the row.
+        """
+        count, evidence = columns(self.signature, rows)
+        if self._table is not None:
+            cell = np.zeros(count, dtype=np.intp)
+            for v, stride in self._strides.items():
+                cell += evidence.places[v] * stride
+            answers = self._table[cell]
+        else:
+            answers = answered(self.start, self.searched, count, evidence, self.simplified.largest)
+        flat = answers.reshape(count, int(np.prod(self._shape)))
+        wrong = np.flatnonzero(np.logical_or.reduce(np.isnan(flat), axis=1))
+        if len(wrong):
+            row = int(wrong[0])
+            try:
+                self(**{keyword: column[row] for keyword, column in rows.items()})
+            except ImpossibleEvidence as error:
+                raise ImpossibleEvidence(f"row {row}: {error}", error.terms) from None
+        return answers
+
+    def probability(self, proposition: Proposition, given: Proposition | None = None, /, **known: Any) -> float:
+        """The probability of a proposition about what is searched: ``turn.probability(Vrot > 0, Dir=3, Prox=12)``.
+
+        ``given`` is another proposition to be taken as true as well.
+        """
+        return self(**known).probability(proposition, given)
+
+    def explain(self, value: Any, **known: Any) -> Explanation:
+        """What each term says for or against a value, the known ones being these: see `Contribution`."""
+        p = self(**known)
+        here, evidence = p[value], self.signature.read(known)
+        parts = (value,) if len(self.searched) == 1 else value
+        at = {v: v.place(part) for v, part in zip(self.searched, parts, strict=True)} | dict(evidence.places)
+        leaves = [n for n in postorder(self.start) if isinstance(n, Leaf)]
+        contributions = []
+        for density in dict.fromkeys(leaf.density for leaf in leaves):
+            logs = np.broadcast_to(self._logarithms(self.start, evidence, frozenset((density,))), self._shape)
+            # Without the term nothing need be left that tells the values apart, or that excludes any.
+            without = float(np.exp(logs[tuple(at[v] for v in self.searched)]))
+            own = None
+            if all(v in at for v in density.scope):
+                own = float(np.exp(density.log(*(at[v] for v in density.scope))))
+            contributions.append(Contribution(str(density), without, bits(here, without), own))
+        contributions.sort(key=lambda c: -abs(c.bits))
+        return Explanation(self.name, value, here, tuple(contributions))
 
     def possible(self, **known: Any) -> bool:
         """Whether these known values have a probability above zero, so that no rule is needed to answer."""

@@ -34,6 +34,7 @@ from brp.expression import (
     node,
 )
 from brp.factors import Cases, Factor, Flat
+from brp.formula import report
 from brp.variables import Variable, cells
 
 __all__ = ["Simplified", "simplify"]
@@ -59,6 +60,9 @@ class Simplified:
     order: tuple[Variable, ...]
     largest: int
     operations: int
+
+    def __str__(self) -> str:
+        return report(self)
 
 
 @dataclass
@@ -307,7 +311,7 @@ def _sum_out(nodes: Sequence[Node], unknown: Sequence[Variable], account: Accoun
         made = _sum(factors, variable)
         account.order.append(variable)
         account.operations += weight
-        account.count((), made.scope)
+        account.largest = max(account.largest, cells(made.scope))
         pool[number] = made
         near = {v for v in made.scope if v in users}
         for v in near:

@@ -13,12 +13,15 @@ import keyword
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brp.errors import NotAValue, NotNumeric, TermError
+
+if TYPE_CHECKING:
+    from brp.propositions import Proposition
 
 __all__ = ["P", "Term", "Value", "Variable", "cells", "text"]
 
@@ -101,6 +104,29 @@ class Variable:
     def hidden(self) -> Variable:
         """A variable like this one that is equal to no other: for what a subroutine sums out on its own."""
         return _Hidden(self.name, self.values)
+
+    def is_(self, *values: Value) -> Proposition:
+        """The proposition that the variable has this value, or one of these (section 3.1)."""
+        from brp.propositions import is_one_of  # they are about variables, and so come later
+
+        return is_one_of(self, values)
+
+    def __lt__(self, bound: float) -> Proposition:
+        return self._compared("<", bound)
+
+    def __le__(self, bound: float) -> Proposition:
+        return self._compared("<=", bound)
+
+    def __gt__(self, bound: float) -> Proposition:
+        return self._compared(">", bound)
+
+    def __ge__(self, bound: float) -> Proposition:
+        return self._compared(">=", bound)
+
+    def _compared(self, sign: str, bound: float) -> Proposition:
+        from brp.propositions import compared
+
+        return compared(self, sign, bound)
 
     def __len__(self) -> int:
         return len(self.values)

@@ -71,9 +71,20 @@ def test_the_simplification_says_what_it_did() -> None:
     )
     question = specification.identify().ask(P(A | B))
     assert str(question) == "P(A | B pi)"
+    assert str(question.simplified).splitlines() == [
+        "left to compute: P(A | B pi)",
+        "uniform, dropped: P(B | pi)",
+        "largest array: 3 numbers; 3 multiplications",
+    ]
     assert [str(factor) for factor in question.simplified.flat] == ["P(B | pi)"]
     backwards = specification.identify().ask(P(B | C))
     assert str(backwards) == "P(B | C pi)\n= 1/Σ × Σ_{A} [ P(A | B pi) × P(C | A pi) ]"
+    assert str(backwards.simplified).splitlines() == [
+        "left to compute: 1/Σ × Σ_{A} [ P(A | B pi) × P(C | A pi) ]",
+        "uniform, dropped: P(B | pi)",
+        "summed, in this order: A",
+        "largest array: 2 numbers; 8 multiplications",
+    ]
     assert backwards.simplified.order == (A,)
     known = specification.identify().ask(P(C | A, B))
     assert [str(factor) for factor in known.simplified.constant] == ["P(A | B pi)"]
