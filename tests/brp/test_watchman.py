@@ -248,4 +248,7 @@ def test_e10_1_to_e10_3_the_watchman_has_41_variables_12_descriptions_and_4_leve
     assert text.startswith("P(Vrot Vtrans O | Px1 Px2 Px3 Px4 Px5 Px6 Px7 Px8 L1 ")
     # The nesting of E10.4: Base inside Behavior, Behavior inside Move.
     assert "× Σ_{Behavior} [ P(Move | Behavior Move_t-1 Tempo Tour pi-move) × Σ_{Base} [ P(Base | Px1 " in text
+    # What neither Move nor H decides is not said to be at a value of theirs; equal cases are one.
+    assert "Σ_{Theta2} [ P(Theta2 | L1 L2 L3 L4 L5 L6 L7 L8 pi-fusion) × P(Vrot | Theta2 " in text
+    assert "{ ProxL = 0..7: P(Vrot | Prox Dir delta-avoid pi-obstacle)" in text
     assert Behavior_t_1 in Sensory_variables
