@@ -25,6 +25,7 @@ from brp import (
     Uniform,
     Variable,
 )
+from brp.factors import Density
 
 A = Variable("A", range(7))
 B = Variable("B", ("red", "green", "blue"))
@@ -198,3 +199,20 @@ def test_a_light_density_answers_as_its_table_does() -> None:
     for value in (0, 17, 5000, 9999):
         joint = prior * likelihood[:, value]
         np.testing.assert_allclose(question(Per=value).p, joint / joint.sum(), rtol=1e-10)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-500, 11_000), st.floats(0.05, 900), st.sampled_from([range(10_000), range(9_999, -1, -1)]))
+def test_a_gaussian_over_many_values_is_normalised_over_all_of_them(
+    mean: float, deviation: float, values: range
+) -> None:
+    """Its sum looks only at the values near the mean, and must not be able to tell."""
+    Long = Variable("Long", values)
+    p = Specification({P(Long): Gaussian(mean, deviation)}).identify().ask(P(Long))().p
+    exponent = -0.5 * ((Long.numbers - mean) / deviation) ** 2
+    expected = np.exp(exponent - exponent.max())
+    np.testing.assert_allclose(p, expected / expected.sum(), rtol=1e-11, atol=1e-300)
+    form = Specification({P(Long): Gaussian(mean, deviation)}).identify()
+    (factor,) = form.relevant(P(Long))
+    assert isinstance(factor, Density)
+    np.testing.assert_allclose(np.exp(factor.log(np.arange(10_000))).sum(), 1, rtol=1e-12)
