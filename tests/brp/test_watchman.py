@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from brp import P
 from brp.programs.base import at_base
-from brp.programs.behavior import Behavior, Behavior_t_1, behavior
+from brp.programs.behavior import Base, Behavior, Behavior_t_1, behaving, behavior
 from brp.programs.move import Move, move
 from brp.programs.object import Lrl, Nlt, Nrt, O, Per, pi_object
 from brp.programs.speed import speed
@@ -239,6 +239,8 @@ def test_e10_5_is_not_soft_evidence_on_base() -> None:
     assert by_e10_5 == pytest.approx(0.333, abs=5e-4)
     soft = sum(page_behavior(False, "high", base, False, False, "homing") for base in (False, True))
     assert np.asarray(soft)[0] / np.asarray(soft).sum() == pytest.approx(0.0196, abs=5e-4)
+    softly = behaving.ask(P(Behavior | behavior.known), soft=Base)
+    np.testing.assert_allclose(softly(**known, Base=[0.5, 0.5]).p, soft / np.asarray(soft).sum(), rtol=1e-12)
 
 
 def test_e10_1_to_e10_3_the_watchman_has_41_variables_12_descriptions_and_4_levels() -> None:
