@@ -41,9 +41,18 @@ def _write(here: Node, depth: int) -> Generator[tuple[Any, ...], str, str]:
         inner = yield (here.children[0], depth + 1)
         return _short(f"Σ_{{{text(here.variables)}}} [ {inner} ]")
     if isinstance(here, Split):
-        parts = []
+        # Values next to each other that share a case share its line.
+        runs: list[tuple[Any, Any, str]] = []
         for value, branch in zip(here.variable.values, here.children, strict=True):
-            parts.append(f"{here.variable} = {value}: " + (yield (branch, depth + 1)))
+            case = yield (branch, depth + 1)
+            if runs and runs[-1][2] == case:
+                runs[-1] = (runs[-1][0], value, case)
+            else:
+                runs.append((value, value, case))
+        parts = [
+            f"{here.variable} = {first if first == last else f'{first}..{last}'}: {case}"
+            for first, last, case in runs
+        ]
         return _short("{ " + f"{indent}; ".join(parts) + " }")
     if isinstance(here, Conditional):
         return here.name
@@ -51,8 +60,11 @@ def _write(here: Node, depth: int) -> Generator[tuple[Any, ...], str, str]:
         first, second = (yield (here.children[0], depth)), (yield (here.children[1], depth))
         return f"{{ {first}; where it is impossible {second} }}"
     if isinstance(here, Slice):
-        where = ", ".join(f"{v} = {v.values[place]}" for v, place in here.fixed.items())
-        return f"{(yield (here.children[0], depth))} at {where}"
+        child = here.children[0]
+        depends = child.scope | (child.evidence or frozenset())
+        where = ", ".join(f"{v} = {v.values[place]}" for v, place in here.fixed.items() if v in depends)
+        inner = yield (child, depth)
+        return f"{inner} at {where}" if where else inner
     parts = []
     for child in here.children:
         parts.append((yield (child, depth)))

@@ -26,15 +26,18 @@ Part = tuple[tuple[Variable, ...], Logs]
 def logarithms(
     start: Node,
     order: Sequence[Variable],
-    known: Mapping[Variable, int] | None = None,
+    known: Mapping[Variable, Any] | None = None,
     without: frozenset[Density] = frozenset(),
     soft: Mapping[Variable, Logs] | None = None,
+    rows: Variable | None = None,
 ) -> Logs:
     """The logarithm of ``start`` with ``known`` at their places, an axis for each variable of ``order``.
 
     A variable of ``order`` that ``start`` does not depend on has an axis of length 1. Minus infinity is zero; nan
     stands where a question within has no answer, because what it knows there is impossible. The densities in
-    ``without`` count as 1 everywhere. ``soft`` are the logarithms of the weights of what is known softly.
+    ``without`` count as 1 everywhere. ``soft`` are the logarithms of the weights of what is known softly. With
+    ``rows``, a variable that numbers rows of evidence, known places are arrays of shape ``(len(rows),)``,
+    weights of shape ``(len(rows), values)``.
     """
     fixed = dict(known or {})
     weights = soft or {}
@@ -46,9 +49,10 @@ def logarithms(
             return done[id(here)]
         part: Part
         if isinstance(here, Leaf):
-            part = _leaf(here, fixed, without)
+            part = _leaf(here, fixed, without, rows)
         elif isinstance(here, Soft):
-            part = (here.variable,), weights[here.variable]
+            axis = (here.variable,)
+            part = axis if rows is None else (rows, *axis), weights[here.variable]
         elif isinstance(here, Sum) and isinstance(here.children[0], Split) and _splits(here):
             split = here.children[0]
             rest = tuple(v for v in here.variables if v != split.variable)
@@ -59,7 +63,17 @@ def logarithms(
         elif isinstance(here, Sum):
             part = _sum((yield (here.children[0],)), here.variables)
         elif isinstance(here, Split):
-            if here.variable in fixed:
+            if here.variable in fixed and rows is not None:
+                choice = fixed[here.variable]
+                met, which = np.unique(choice, return_inverse=True)
+                branches = []
+                for place in met:
+                    branches.append((yield (here.children[place],)))
+                axes = (rows, *(v for v in _union(branches) if v != rows))
+                shape = (len(rows), *map(len, axes[1:]))
+                chosen = np.stack([np.broadcast_to(_spread(branch, axes), shape) for branch in branches])
+                part = axes, chosen[which, np.arange(len(rows))]
+            elif here.variable in fixed:
                 part = yield (here.children[fixed[here.variable]],)
             else:
                 branches = []
@@ -73,9 +87,14 @@ def logarithms(
             own = {v: place for v, place in fixed.items() if v in here.variables}
             if own:
                 others = {v: place for v, place in fixed.items() if v not in own}
-                free = tuple(v for v in here.variables) + _first(here, {*others, *here.variables})
-                inside = np.broadcast_to(logarithms(here, free, others, without, soft), tuple(map(len, free)))
-                part = tuple(v for v in free if v not in own), inside[tuple(own.get(v, slice(None)) for v in free)]
+                free = (*here.variables, *_first(here, {*others, *here.variables}))
+                if rows is not None:
+                    free = (rows, *free)
+                    own[rows] = np.arange(len(rows))
+                inside = np.broadcast_to(logarithms(here, free, others, without, soft, rows), tuple(map(len, free)))
+                # Where rows are chosen by arrays, their axis is the first of what comes out.
+                left = tuple(v for v in free if v not in own)
+                part = left if rows is None else (rows, *left), inside[tuple(own.get(v, slice(None)) for v in free)]
             else:
                 part = _divide((yield (here.children[0],)), here.variables)
         elif isinstance(here, Otherwise):
@@ -135,12 +154,29 @@ def _splits(here: Sum) -> bool:
     return isinstance(split, Split) and split.variable in here.variables
 
 
-def _leaf(leaf: Leaf, known: Mapping[Variable, int], without: frozenset[Density]) -> Part:
+def _leaf(
+    leaf: Leaf, known: Mapping[Variable, Any], without: frozenset[Density], rows: Variable | None = None
+) -> Part:
     density = leaf.density
-    fixed = {v: known[v] for v in density.scope if v in known} | leaf.fixed
-    axes = tuple(v for v in density.scope if v not in fixed)
     if density in without:
         return (), np.zeros(())
+    fixed = {v: known[v] for v in density.scope if v in known} | leaf.fixed
+    axes = tuple(v for v in density.scope if v not in fixed)
+    told = [v for v in fixed if rows is not None and v not in leaf.fixed]
+    if rows is not None and told:
+        if "table" in density.__dict__ or not density.light:
+            table = density.table[tuple(leaf.fixed.get(v, slice(None)) for v in density.scope)]
+            left = [v for v in density.scope if v not in leaf.fixed]
+            table = table.transpose([left.index(v) for v in (*told, *axes)])
+            return (rows, *axes), table[tuple(known[v] for v in told)]
+        mesh = iter(np.ix_(np.arange(len(rows)), *(np.arange(len(v)) for v in axes)))
+        next(mesh)
+        column = (-1, *(1 for _ in axes))
+        places = (
+            fixed[v] if v in leaf.fixed else fixed[v].reshape(column) if v in fixed else next(mesh)
+            for v in density.scope
+        )
+        return (rows, *axes), np.broadcast_to(density.log(*places), (len(rows), *map(len, axes)))
     if "table" in density.__dict__:
         return axes, density.table[tuple(fixed.get(v, slice(None)) for v in density.scope)]
     mesh = iter(np.ix_(*(np.arange(len(v)) for v in axes)))

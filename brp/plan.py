@@ -34,6 +34,8 @@ LIGHT = 100_000
 """The same for a density that holds far fewer numbers than its table: Per of 10 000 values, two numbers a class."""
 SHARED = 65_536
 """The bytes up to which a table is compared with those that are there already."""
+ROWS = 3
+"""So many densities over one variable are multiplied by adding their logarithms."""
 SUMS = 8
 """How many sums may follow one another before their result is scaled up."""
 
@@ -102,13 +104,18 @@ def compiled(
 
 def _written(leaf: Leaf, axes: tuple[Variable, ...]) -> Array:
     """A density as probabilities, an axis for each of ``axes``."""
+    return np.exp(_logs(leaf, axes))
+
+
+def _logs(leaf: Leaf, axes: tuple[Variable, ...]) -> Array:
+    """A density's logarithms, an axis for each of ``axes``."""
     density = leaf.density
     table = density.table
     free = density.scope
     if leaf.fixed:
         free = tuple([v for v in free if v not in leaf.fixed])
         table = table[tuple([leaf.fixed.get(v, slice(None)) for v in density.scope])]
-    return np.exp(table if free == axes else table.transpose([free.index(v) for v in axes]))
+    return table if free == axes else table.transpose([free.index(v) for v in axes])
 
 
 class _Compiler:
@@ -127,7 +134,15 @@ class _Compiler:
         self.sizes = sizes
         self.rank = {v: number for number, v in enumerate(known)}
         self.place = {v: f"i{number}" for number, v in enumerate(known)}
-        self.names: dict[str, Any] = {"np": np, "dot": np.dot, "TINY": TINY} if names is None else names
+        self.names: dict[str, Any] = (
+            {"np": np, "dot": np.dot, "exp": np.exp}
+            | {
+                "TINY": TINY,
+                "LEAST": -np.inf,
+            }
+            if names is None
+            else names
+        )
         self.lines: list[str] = []
         self.made: dict[tuple[int, tuple[Variable, ...], tuple[int, ...], bool], str] = {}
         self.depth: dict[str, int] = {}
@@ -227,10 +242,7 @@ class _Compiler:
 
     def _table(self, here: Node, order: tuple[Variable, ...], shape: tuple[int, ...], scale: bool) -> str:
         """A table, the known variables first: what is asked of it is one contiguous piece."""
-        evidence = (v for v in here.evidence or () if v in self.rank)
-        known = tuple(sorted(evidence, key=self.rank.__getitem__))
-        free = self._free(here)
-        axes = (*known, *(v for v in order if v in free))
+        known, axes = self._axes(here, order)
         values = _written(here, axes) if isinstance(here, Leaf) else probabilities(here, axes)
         if scale:
             rest = tuple(range(len(known), len(axes)))
@@ -260,6 +272,19 @@ class _Compiler:
     ) -> Generator[tuple[Any, ...], str, str]:
         if len(children) == 1:
             return (yield (children[0], order, shape, scale))
+        rows = self._same_row(children) if scale else []
+        if len(rows) >= ROWS:
+            taken = set(map(id, rows))
+            rest = [child for child in children if id(child) not in taken]
+            name = self._rows(rows, order)
+            own = self._lengths(rows[0], order)
+            if not rest:
+                return self._reshaped(name, own, shape)
+            name = self._reshaped(name, own, tuple(self._length(rows, v) for v in order))
+            others = yield from self._product(rest, order, tuple(self._length(rest, v) for v in order), scale)
+            result = self._register(f"{name} * {others}")
+            self.depth[result] = self.depth.get(others, 0)
+            return self._reshaped(result, tuple(self._length(children, v) for v in order), shape)
         names = []
         for child in sorted(children, key=lambda child: cells(self._free(child))):
             own = self._lengths(child, order)
@@ -269,6 +294,34 @@ class _Compiler:
         result = self._register(" * ".join(names))
         self.depth[result] = max(self.depth.get(name, 0) for name in names)
         return self._reshaped(result, tuple(self._length(children, v) for v in order), shape)
+
+    def _same_row(self, nodes: Sequence[Node]) -> list[Node]:
+        """The densities of one same free variable that are looked up by what is known; the most of them."""
+        rows: dict[frozenset[Variable], list[Node]] = {}
+        for here in nodes:
+            if isinstance(here, Leaf) and here.evidence and len(self._free(here)) == 1 and self._folds(here):
+                rows.setdefault(self._free(here), []).append(here)
+        return max(rows.values(), key=len, default=[])
+
+    def _rows(self, rows: Sequence[Node], order: tuple[Variable, ...]) -> str:
+        """Many densities over one variable multiplied: as a sum of logarithms, which cannot underflow."""
+        names = []
+        for here in rows:
+            assert isinstance(here, Leaf)
+            known, axes = self._axes(here, order)
+            name = self._array(np.ascontiguousarray(_logs(here, axes)))
+            names.append(self._register(f"{name}[{', '.join(self.place[v] for v in known)}]"))
+        total = self._register(" + ".join(names))
+        largest = self._register(f"{total}.max()")
+        self.lines.append(f"if not {largest} > LEAST: return None")
+        return self._register(f"exp({total} - {largest})")
+
+    def _axes(self, here: Node, order: tuple[Variable, ...]) -> tuple[tuple[Variable, ...], tuple[Variable, ...]]:
+        """The known variables that a table of the node has axes for, and all its axes, those first."""
+        evidence = (v for v in here.evidence or () if v in self.rank)
+        known = tuple(sorted(evidence, key=self.rank.__getitem__))
+        free = self._free(here)
+        return known, (*known, *(v for v in order if v in free))
 
     def _length(self, nodes: Sequence[Node], variable: Variable) -> int:
         return len(variable) if any(variable in self._free(n) for n in nodes) else 1

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brp.batch import answered, columns
 from brp.distribution import Distribution
 from brp.errors import EvidenceError, ImpossibleEvidence, QuestionError, TooLarge
 from brp.evidence import Evidence, Signature, weigh
@@ -100,12 +101,14 @@ class Question(Form):
             plan = compiled(self.start, self._hard, self.searched, sizes, soft)
             self._run, self.source = plan.run, plan.source
         steps: list[tuple[str, Mapping[Any, int]]] = []
+        self._strides: dict[Variable, int] = {}
         stride = 1
         for v in reversed(self._hard):
             if self._table is None:
                 steps.append((v.keyword, v.places))
             elif self.start.has(v):
                 steps.append((v.keyword, {value: place * stride for value, place in v.places.items()}))
+                self._strides[v] = stride
                 stride *= len(v)
             else:
                 steps.append((v.keyword, dict.fromkeys(v.places, 0)))
@@ -215,6 +218,31 @@ class Question(Form):
             given = tuple(v for v in self.known if v not in dropped)
             rule = self.description.ask(Term(self.searched, given), largest=self.largest)
         return Question(self.description, self.term, self.largest, rules=(*self.rules, rule))
+
+    def batch(self, rows: Mapping[str, Any]) -> NDArray[np.float64]:
+        """The answers to many rows of evidence at once: ``turn.batch({"Dir": dirs, "Prox": proxes})``.
+
+        ``rows`` has a column of values for each known variable, all of one length n (for what is known softly, n
+        times what a call would be told). The answer has the shape ``(n, ...)``, an axis for each searched variable
+        after the first; row by row it is what a call answers. Raises as a call does, naming the row.
+        """
+        count, evidence = columns(self.signature, rows)
+        if self._table is not None:
+            cell = np.zeros(count, dtype=np.intp)
+            for v, stride in self._strides.items():
+                cell += evidence.places[v] * stride
+            answers = self._table[cell]
+        else:
+            answers = answered(self.start, self.searched, count, evidence, self.simplified.largest)
+        flat = answers.reshape(count, int(np.prod(self._shape)))
+        wrong = np.flatnonzero(np.logical_or.reduce(np.isnan(flat), axis=1))
+        if len(wrong):
+            row = int(wrong[0])
+            try:
+                self(**{keyword: column[row] for keyword, column in rows.items()})
+            except ImpossibleEvidence as error:
+                raise ImpossibleEvidence(f"row {row}: {error}", error.terms) from None
+        return answers
 
     def probability(self, proposition: Proposition, given: Proposition | None = None, /, **known: Any) -> float:
         """The probability of a proposition about what is searched: ``turn.probability(Vrot > 0, Dir=3, Prox=12)``.

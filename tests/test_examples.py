@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from brp import ImpossibleEvidence, P
-from examples import extremes, fusion, hidden, if_then_else, inverse, online, pushing, subroutine
+from examples import extremes, filter, fusion, hidden, if_then_else, inverse, online, pushing, subroutine
 
 SCRIPTS = sorted(
     path for path in (Path(__file__).parent.parent / "examples").glob("*.py") if path.stem != "__init__"
@@ -109,3 +109,25 @@ def test_when_the_driver_brakes_is_learnt_without_ever_seeing_it() -> None:
     errors = [abs(found(Gap=gap)["brake"] - real(Gap=gap)["brake"]) for gap in if_then_else.Gap.values]
     assert max(errors) < 0.15
     assert np.mean(errors) < 0.05
+
+
+def test_the_filter_is_the_forward_pass_and_finds_the_robot() -> None:
+    """Against the forward pass of a hidden Markov model in plain numpy."""
+    n = filter.LENGTH
+    motion = np.zeros((n, n))
+    for before in range(n):
+        for error, p in ((0, 0.9), (1, 0.05), (-1, 0.05)):
+            motion[(before + 1 + error) % n, before] += p
+    sees_door = np.array([0.95 if place in filter.DOORS else 0.02 for place in range(n)])
+    found = 0
+    for seed in range(10):
+        belief, forward = filter.localise.start, np.full(n, 1 / n)
+        way = filter.walked(np.random.default_rng(seed), 60)
+        for _, seen in way:
+            belief = filter.localise.step(belief, Steps=1, Seen=seen)
+            forward = motion @ forward * (sees_door if seen == "door" else 1 - sees_door)
+            forward /= forward.sum()
+            np.testing.assert_allclose(belief.p, forward, rtol=1e-10)
+        place = way[-1][0]
+        found += min((belief.best() - place) % n, (place - belief.best()) % n) <= 1
+    assert found >= 7

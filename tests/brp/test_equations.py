@@ -15,7 +15,8 @@ import pytest
 from numpy.typing import NDArray
 
 from brp import DataError, ImpossibleEvidence, P
-from brp.programs.behavior import Behavior, behaving, behavior
+from brp.filter import Filter
+from brp.programs.behavior import Base, Behavior, Behavior_t_1, Energy, Fire, Identify, Vigil, behaving, behavior
 from brp.programs.fusion import L, N, fusing, locate, locate_scaled, out_of_order
 from brp.programs.level import locate as locate_by_level
 from brp.programs.level import out_of_order as out_of_order_by_level
@@ -342,3 +343,17 @@ def test_what_a_tick_makes_of_a_behavior(
     answer = behavior(Vigil=vigil, Energy=energy, Base=base, Fire=fire, Identify=identify, Behavior_t_1=before)
     for value, p in expected.items():
         assert answer[value] == pytest.approx(p, abs=6e-4)
+
+
+def test_a_belief_about_the_last_behavior_goes_inside_the_program() -> None:
+    """Half patrol, half recognition, Identify: to mix the two answers by the belief is something else."""
+    tick: Evidence = {"Vigil": True, "Energy": "high", "Base": False, "Fire": False, "Identify": True}
+    carried = Filter(behaving, {Behavior: Behavior_t_1}, known=(Vigil, Energy, Base, Fire, Identify))
+    start = behaving.ask(P(Behavior | Vigil, Energy, Base, Fire, Identify))(**tick)
+    half = type(start)(start.variables, np.array([0, 0.5, 0.5, 0, 0, 0]))
+    expected = T2 @ half.p * T3[1] * T4[2] * T5[0] * T6[0] * T7[1]
+    answer = carried.step(half, **tick)
+    np.testing.assert_allclose(answer.p, expected / expected.sum(), rtol=1e-12)
+    assert answer["recognition"] == pytest.approx(0.691, abs=5e-4)
+    mixture = sum(0.5 * behavior(**tick, Behavior_t_1=b)["recognition"] for b in ("patrol", "recognition"))
+    assert mixture == pytest.approx(0.521, abs=5e-4)

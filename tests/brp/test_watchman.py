@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from brp import P
 from brp.programs.base import at_base
-from brp.programs.behavior import Behavior, Behavior_t_1, behavior
+from brp.programs.behavior import Base, Behavior, Behavior_t_1, behaving, behavior
 from brp.programs.move import Move, move
 from brp.programs.object import Lrl, Nlt, Nrt, O, Per, pi_object
 from brp.programs.speed import speed
@@ -239,6 +239,8 @@ def test_e10_5_is_not_soft_evidence_on_base() -> None:
     assert by_e10_5 == pytest.approx(0.333, abs=5e-4)
     soft = sum(page_behavior(False, "high", base, False, False, "homing") for base in (False, True))
     assert np.asarray(soft)[0] / np.asarray(soft).sum() == pytest.approx(0.0196, abs=5e-4)
+    softly = behaving.ask(P(Behavior | behavior.known), soft=Base)
+    np.testing.assert_allclose(softly(**known, Base=[0.5, 0.5]).p, soft / np.asarray(soft).sum(), rtol=1e-12)
 
 
 def test_e10_1_to_e10_3_the_watchman_has_41_variables_12_descriptions_and_4_levels() -> None:
@@ -248,4 +250,7 @@ def test_e10_1_to_e10_3_the_watchman_has_41_variables_12_descriptions_and_4_leve
     assert text.startswith("P(Vrot Vtrans O | Px1 Px2 Px3 Px4 Px5 Px6 Px7 Px8 L1 ")
     # The nesting of E10.4: Base inside Behavior, Behavior inside Move.
     assert "× Σ_{Behavior} [ P(Move | Behavior Move_t-1 Tempo Tour pi-move) × Σ_{Base} [ P(Base | Px1 " in text
+    # What neither Move nor H decides is not said to be at a value of theirs; equal cases are one.
+    assert "Σ_{Theta2} [ P(Theta2 | L1 L2 L3 L4 L5 L6 L7 L8 pi-fusion) × P(Vrot | Theta2 " in text
+    assert "{ ProxL = 0..7: P(Vrot | Prox Dir delta-avoid pi-obstacle)" in text
     assert Behavior_t_1 in Sensory_variables

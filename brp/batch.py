@@ -1,0 +1,77 @@
+"""Many rows of evidence answered in one vectorised call, to the same values as asked one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brp.errors import EvidenceError, NotAValue
+from brp.evidence import Evidence, Signature, weigh
+from brp.expression import Node
+from brp.logs import logarithms
+from brp.variables import Variable
+
+__all__ = ["answered", "columns"]
+
+NUMBERS = 2_000_000
+"""So many numbers of an array are worked on at a time."""
+
+
+def columns(signature: Signature, told: Mapping[str, Any]) -> tuple[int, Evidence]:
+    """How many rows there are, and their places (shape ``(n,)``) and weights (shape ``(n, values)``).
+
+    Raises `EvidenceError` or `NotAValue`.
+    """
+    named = {v.keyword: v for v in signature.known}
+    if named.keys() != told.keys():
+        signature.read(told)  # says which is missing, or superfluous
+    lengths = {keyword: len(column) for keyword, column in told.items()}
+    if len(set(lengths.values())) > 1:
+        raise EvidenceError(f"the columns of a batch are of different lengths: {lengths}")
+    if not lengths:
+        raise EvidenceError(f"{signature.name} knows nothing, so that it has one answer and no batch of them")
+    places: dict[Variable, Any] = {}
+    weights: dict[Variable, Any] = {}
+    for keyword, column in told.items():
+        variable = named[keyword]
+        if variable in signature.soft:
+            weights[variable] = np.stack([weigh(variable, said) for said in column]) if len(column) else None
+        else:
+            places[variable] = _places(variable, column)
+    return next(iter(lengths.values())), Evidence(places, weights)
+
+
+def _places(variable: Variable, column: Sequence[Any]) -> NDArray[np.intp]:
+    values = variable.values
+    given = np.asarray(column)
+    if isinstance(values, range) and np.issubdtype(given.dtype, np.integer):
+        places, rest = np.divmod(given.astype(np.int64) - values.start, values.step)
+        wrong = np.flatnonzero((rest != 0) | (places < 0) | (places >= len(values)))
+        if len(wrong):
+            row = int(wrong[0])
+            raise NotAValue(f"row {row}: {variable} = {given[row]} is not one of its values ({variable.domain})")
+        return places.astype(np.intp)
+    return np.fromiter((variable.place(value) for value in given.tolist()), dtype=np.intp, count=len(given))
+
+
+def answered(
+    start: Node, searched: tuple[Variable, ...], count: int, evidence: Evidence, largest: int
+) -> NDArray[np.float64]:
+    """The answers of all rows, shape ``(count, ...)``; nan in the rows that are impossible."""
+    shape = tuple(map(len, searched))
+    answers = np.empty((count, *shape))
+    step = max(1, NUMBERS // largest)
+    for first in range(0, count, step):
+        part = slice(first, min(first + step, count))
+        places = {v: column[part] for v, column in evidence.places.items()}  # type: ignore[index]  # columns here
+        with np.errstate(divide="ignore"):
+            soft = {v: np.log(column[part]) for v, column in evidence.weights.items()}
+        rows = Variable("row", range(part.stop - part.start))
+        logs = logarithms(start, (rows, *searched), places, soft=soft, rows=rows)
+        answers[part] = np.exp(logs)
+    totals = answers.reshape(count, -1).sum(axis=1)
+    answers /= totals.reshape(-1, *(1 for _ in shape))
+    return answers
