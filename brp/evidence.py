@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,7 @@ class Signature:
 
 
 def weigh(variable: Variable, said: Any) -> NDArray[np.float64]:
-    """What is said of a variable as weights, the largest of them 1, shape ``(len(variable),)``.
+    """What is said of a variable as weights, whose scale does not matter, shape ``(len(variable),)``.
 
     ``said`` is a distribution over the variable, a mapping from values to weights, a weight for each value, or a
     value, which then is certain.
@@ -88,7 +89,8 @@ def weigh(variable: Variable, said: Any) -> NDArray[np.float64]:
             raise EvidenceError(
                 f"{variable} was told {weights.size} weights, and has {len(variable)} values ({variable.domain})"
             )
-    largest: float = weights.max()
-    if not (0 < largest < np.inf) or not (weights >= 0).all():
-        raise EvidenceError(f"{variable} was told weights that are no distribution: {weights.tolist()}")
-    return weights / largest
+    listed = weights.tolist()  # for the few values of a variable this is quicker than numpy
+    total = sum(listed)
+    if not (0 < total < inf) or min(listed) < 0:
+        raise EvidenceError(f"{variable} was told weights that are no distribution: {listed}")
+    return weights if 1e-9 < total < 1e9 else weights / weights.max()

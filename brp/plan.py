@@ -8,6 +8,7 @@ underflowed on the way to a total above `TINY` was smaller than the total by mor
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from math import inf
@@ -34,6 +35,8 @@ LIGHT = 100_000
 """The same for a density that holds far fewer numbers than its table: Per of 10 000 values, two numbers a class."""
 SHARED = 65_536
 """The bytes up to which a table is compared with those that are there already."""
+NAMES = re.compile(r"\b[iw][0-9]+\b")
+"""What is told, in the source of a plan."""
 ROWS = 3
 """So many densities over one variable are multiplied by adding their logarithms."""
 SUMS = 8
@@ -163,7 +166,10 @@ class _Compiler:
     def _function(self, name: str, result: str) -> tuple[str, Callable[[Sequence[int]], Array | None]]:
         body = list(self.lines)
         told = [*self.place.values(), *self.weights.values()]
-        if told:
+        used = set(NAMES.findall("\n".join([*body, result])))
+        if len(used) * 3 < len(told):
+            body[:0] = [f"{name} = e[{number}]" for number, name in enumerate(told) if name in used]
+        elif told:
             body.insert(0, f"{', '.join(told)}, = e")
         source = "\n    ".join([f"def {name}(e):", *body, f"return {result}"])
         space: dict[str, Any] = {}
@@ -427,8 +433,12 @@ class _Compiler:
     def _choice(self, here: Split, order: tuple[Variable, ...], shape: tuple[int, ...], scale: bool) -> str:
         """A function for each value of a known command variable."""
         functions = []
+        shared: dict[int, Callable[[Sequence[int]], Array | None]] = {}
         natural = self._lengths(here, order)
         for number, branch in enumerate(here.children):
+            if id(branch) in shared:
+                functions.append(shared[id(branch)])
+                continue
             inner = _Compiler(self.known, self.soft, self.sizes, self.names)
             own = self._lengths(branch, order)
             result = climb(inner._emit, branch, order, own, scale)
@@ -437,6 +447,7 @@ class _Compiler:
             source, run = inner._function(f"case{number}", result)
             self.sources.extend([*inner.sources, source])
             functions.append(run)
+            shared[id(branch)] = run
         cases = self._constant(tuple(functions))
         result = self._register(f"{cases}[{self.place[here.variable]}](e)")
         self.lines.append(f"if {result} is None: return None")
