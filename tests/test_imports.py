@@ -107,6 +107,7 @@ BRP = [
     "simplification",
     "renewal",
     "logs",
+    "batch",
     "plan",
     "explain",
     "subroutine",
