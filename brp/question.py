@@ -144,7 +144,9 @@ class Question(Form):
         if self._table is not None:
             return self._answers[cell] or self._answer(cell, known)
         p = self._run(told)
-        return Distribution(self.searched, p.reshape(self._shape) if p is not None else self._slowly(known))
+        if p is None:
+            return Distribution(self.searched, self._slowly(known))
+        return Distribution(self.searched, p if p.shape == self._shape else p.reshape(self._shape))
 
     def _answer(self, cell: int, told: Mapping[str, Any]) -> Distribution:
         assert self._table is not None
