@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import string
+import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
 
@@ -23,9 +24,15 @@ Engine = Callable[..., Array]
 
 @dataclass
 class Model:
-    """A conditional table for each term, its axes those of ``term.of + term.given``."""
+    """A conditional table for each term, its axes those of ``term.of + term.given``.
+
+    ``asked`` is the question of the peers where they get another network than brp's description; ``copies`` are
+    keywords of known variables of it that are told what another keyword is told.
+    """
 
     tables: Mapping[Term, Array]
+    asked: Question | None = None
+    copies: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, description: Description) -> Model:
@@ -56,12 +63,21 @@ def engines(model: Model, question: Question) -> dict[str, Engine]:
     able: dict[str, Engine] = {}
     for name, make in (("einsum", _einsum), ("pyagrum", _pyagrum), ("pgmpy", _pgmpy)):
         try:
-            able[name] = make(model, question)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # a peer's own, when it is imported
+                able[name] = _told(make(model, model.asked or question), model.copies)
         except ImportError:
-            print(f"  {name} is not installed (the extra `peers`)")
+            continue
         except ValueError as error:
             print(f"  {question.name}: {name} cannot say it: {error}")
     return able
+
+
+def _told(engine: Engine, copies: Mapping[str, str]) -> Engine:
+    """The engine, the copies told what their originals are."""
+    if not copies:
+        return engine
+    return lambda **told: engine(**told, **{copy: told[keyword] for copy, keyword in copies.items()})
 
 
 def _einsum(model: Model, question: Question) -> Engine:
@@ -122,11 +138,12 @@ def _pyagrum(model: Model, question: Question) -> Engine:
         names = [v.keyword for v in (*term.given, *term.of)]
         wanted = list(reversed(cpt.names))
         cpt[:] = np.ascontiguousarray(flat.transpose([names.index(name) for name in wanted]))
-    if len(question.searched) > 1:
-        raise ValueError("a joint answer")
     engine = gum.LazyPropagation(net)
-    target = question.searched[0].keyword
-    engine.setTargets({target})
+    targets = [v.keyword for v in question.searched]
+    if len(targets) > 1:
+        engine.addJointTarget(set(targets))
+    else:
+        engine.setTargets(set(targets))
     places = [(v.keyword, v.places) for v in question.known if v not in question.soft]
     soft = [v.keyword for v in question.soft]
     start: dict[str, Any] = dict.fromkeys((k for k, _ in places), 0)
@@ -138,8 +155,13 @@ def _pyagrum(model: Model, question: Question) -> Engine:
             engine.chgEvidence(keyword, steps[told[keyword]])
         for keyword in soft:
             engine.chgEvidence(keyword, told[keyword].tolist())
-        p: Array = engine.posterior(target).toarray()
-        return p
+        if len(targets) == 1:
+            p: Array = engine.posterior(targets[0]).toarray()
+            return p
+        found = engine.jointPosterior(set(targets))
+        axes = list(reversed(found.names))
+        joint: Array = found.toarray().transpose([axes.index(keyword) for keyword in targets])
+        return joint
 
     return ask
 
