@@ -90,7 +90,8 @@ def by_hand() -> Callable[..., Array]:
     pi-base has two values, so that its fusion is a sum of sixteen log-ratios; pi-fusion adds eight rows of logs and
     takes out the largest. Behavior is summed out beforehand (Base, six known values and Tempo, Tour to Move). Vrot
     and Vtrans given the evidence are five rows and six; which go together, by Move and H, is a matrix of 5 by 6.
-    No object has been presented: P(O | ...) is the same whatever is known.
+    No object has been presented, so that P(O | Nlt Nrt Per Lrl) is the same whatever is known: a constant here. brp
+    asks it each time, as it must once a tour was learnt.
     """
     base = Model.of(at_base.description)
     ratios = [
