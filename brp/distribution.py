@@ -17,9 +17,6 @@ from brp.variables import Value, Variable, text
 
 __all__ = ["Distribution"]
 
-LISTED = 40
-"""The sums of so few values are made a list and searched as one sooner than numpy searches them as an array."""
-
 
 class Distribution:
     """A distribution over one or several variables; never changed.
@@ -56,8 +53,7 @@ class Distribution:
         """
         sums = self._sums
         if sums is None:
-            sums = np.add.accumulate(self.p if self.p.ndim == 1 else self.p.ravel())
-            sums = self._sums = sums.tolist() if len(sums) <= LISTED else sums
+            sums = self._sums = np.add.accumulate(self.p if self.p.ndim == 1 else self.p.ravel())
         elif not isinstance(sums, list):  # a list is searched faster, and worth making for whoever draws again
             sums = self._sums = sums.tolist()
         place = (
