@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brp.evidence import weigh
 from brp.expression import Conditional, Leaf, Node, Otherwise, Product, Slice, Soft, Split, Sum, climb, postorder
 from brp.logs import logarithms
 from brp.variables import Variable, cells
@@ -39,17 +40,24 @@ NAMES = re.compile(r"\b[iw][0-9]+\b")
 """What is told, in the source of a plan."""
 ROWS = 3
 """So many densities over one variable are multiplied by adding their logarithms."""
+LISTED = 4096
+"""A table of at most so many rows is a list of them."""
 SUMS = 8
 """How many sums may follow one another before their result is scaled up."""
+
+FEW = 16
+"""So few numbers are added faster by Python than by numpy."""
+WRITTEN = 200
+"""So many variables may be told by keyword with a line of source for each."""
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Compiled:
-    """A function from the places of the known values to probabilities, or to None, and its source."""
+    """A function from what is told (places, or values by keyword) to probabilities, or to None, and its source."""
 
-    run: Callable[[Sequence[int]], Array | None]
+    run: Callable[[Any], Array | None]
     source: str
 
 
@@ -96,13 +104,15 @@ def compiled(
     order: tuple[Variable, ...],
     sizes: Sizes | None = None,
     soft: tuple[Variable, ...] = (),
+    keywords: bool = False,
 ) -> Compiled:
     """Compile ``start``: known values in, an array with an axis for each of ``order`` out.
 
     An axis of a variable that ``start`` does not depend on has length 1. What is told when it runs are the places
-    of ``known``, then the weights of ``soft``.
+    of ``known``, then the weights of ``soft``; with ``keywords`` a mapping from the keyword of each of them to its
+    value, or to what `weigh` takes. A mapping that does not fit raises `KeyError`, `TypeError` or `EvidenceError`.
     """
-    return _Compiler(known, soft, sizes or Sizes(start)).compile(start, order)
+    return _Compiler(known, soft, sizes or Sizes(start)).compile(start, order, keywords)
 
 
 def _written(leaf: Leaf, axes: tuple[Variable, ...]) -> Array:
@@ -138,7 +148,7 @@ class _Compiler:
         self.rank = {v: number for number, v in enumerate(known)}
         self.place = {v: f"i{number}" for number, v in enumerate(known)}
         self.names: dict[str, Any] = (
-            {"np": np, "dot": np.dot, "exp": np.exp}
+            {"np": np, "exp": np.exp}
             | {
                 "TINY": TINY,
                 "LEAST": -np.inf,
@@ -153,21 +163,25 @@ class _Compiler:
         self.sources: list[str] = []
         self.root: Node | None = None
 
-    def compile(self, start: Node, order: tuple[Variable, ...]) -> Compiled:
+    def compile(self, start: Node, order: tuple[Variable, ...], keywords: bool) -> Compiled:
         self.root = start
         while isinstance(self.root, Otherwise):
             self.root = self.root.children[0]
         shape = self._lengths(start, order)
         result = climb(self._emit, start, order, shape, False)
-        source, run = self._function("ask", result)
+        source, run = self._function("ask", result, self._lookup() if keywords else None)
         self.names.pop("tables", None)
         return Compiled(run, "\n\n".join([*self.sources, source]))
 
-    def _function(self, name: str, result: str) -> tuple[str, Callable[[Sequence[int]], Array | None]]:
+    def _function(
+        self, name: str, result: str, lookup: Sequence[str] | None = None
+    ) -> tuple[str, Callable[[Any], Array | None]]:
         body = list(self.lines)
         told = [*self.place.values(), *self.weights.values()]
         used = set(NAMES.findall("\n".join([*body, result])))
-        if len(used) * 3 < len(told):
+        if lookup:
+            body[:0] = lookup
+        elif len(used) * 3 < len(told):
             body[:0] = [f"{name} = e[{number}]" for number, name in enumerate(told) if name in used]
         elif told:
             body.insert(0, f"{', '.join(told)}, = e")
@@ -175,6 +189,37 @@ class _Compiler:
         space: dict[str, Any] = {}
         exec(compile(source, "<plan>", "exec"), self.names, space)  # noqa: S102  (our own text: straight-line numpy)
         return source, space[name]
+
+    def _lookup(self) -> list[str]:
+        """Lines from what is told by keyword, ``e``, to places and weights; none where only places are told.
+
+        Weights that are plainly in order are taken as they are. `weigh` has the last word about all others.
+        """
+        told = [*self.place.values(), *self.weights.values()]
+        lines = [f"if len(e) != {len(told)}: raise KeyError"]
+        if len(told) > WRITTEN:  # a loop compiles faster than as many lines
+            places = self._constant([(v.keyword, v.places) for v in self.known])
+            weights = self._constant([(v.keyword, v) for v in self.soft])
+            self.names["weigh"] = weigh
+            every = f"*[steps[e[k]] for k, steps in {places}], *[weigh(v, e[k]) for k, v in {weights}]"
+            return [*lines, f"e = [{every}]", f"{', '.join(told)}, = e"]
+        lines += [f"{name} = {self._constant(v.places)}[e[{v.keyword!r}]]" for v, name in self.place.items()]
+        for v, name in self.weights.items():
+            self.names |= {"weigh": weigh, "ndarray": np.ndarray, "float64": np.dtype(np.float64)}
+            lines.append(f"{name} = e[{v.keyword!r}]")
+            fits = f"type({name}) is ndarray and {name}.dtype is float64 and {name}.shape == ({len(v)},)"
+            if len(v) <= FEW:
+                parts = [f"{name}_{place}" for place in range(len(v))]
+                positive = " and ".join(f"{part} >= 0" for part in parts)
+                fine = f"{positive} and 1e-9 < {' + '.join(parts)} < 1e9"
+                listed = f"{', '.join(parts)}, = {name}.tolist()"
+            else:
+                listed, fine = f"l = {name}.tolist()", "min(l) >= 0 and 1e-9 < sum(l) < 1e9"
+            again = f"{name} = weigh({self._constant(v)}, {name})"
+            lines += [f"if {fits}:", f"    {listed}", f"    if not ({fine}): {again}", f"else: {again}"]
+        if "(e)" in "\n".join(self.lines):  # the cases of a known command variable
+            lines.append(f"e = ({''.join(f'{name}, ' for name in told)})")
+        return lines
 
     # What can be folded.
 
@@ -255,7 +300,16 @@ class _Compiler:
             largest = values.max(axis=rest, keepdims=True)
             largest[~(largest > 0)] = 1.0  # nan stays, and is found at the end
             values = values / largest
-        name = self._array(np.ascontiguousarray(values).reshape(tuple([len(v) for v in known]) + shape))
+        values = np.ascontiguousarray(values)
+        if len(known) > 1 and cells(known) <= LISTED:
+            # A list of rows, looked up by one number, which numpy's indexing by several is slow beside.
+            rows = self._constant(list(values.reshape(cells(known), *shape)))
+            cell, stride = [], 1
+            for v in reversed(known):
+                cell.append(f"{self.place[v]} * {stride}" if stride > 1 else self.place[v])
+                stride *= len(v)
+            return self._register(f"{rows}[{' + '.join(cell)}]")
+        name = self._array(values.reshape(tuple([len(v) for v in known]) + shape))
         return self._register(f"{name}[{', '.join(self.place[v] for v in known)}]") if known else name
 
     def _density(self, here: Leaf, order: tuple[Variable, ...], shape: tuple[int, ...]) -> str:
@@ -401,7 +455,7 @@ class _Compiler:
             left_shape, right_shape = (*batch, m, s), (*batch, s, n)
         left = yield from self._product(small, (*both, *rows, *shared), left_shape, scale)
         right = yield (big, (*both, *shared, *columns), right_shape, scale)
-        result = self._register(f"{'np.matmul' if both else 'dot'}({left}, {right})")
+        result = self._register(f"np.matmul({left}, {right})" if both else f"{left}.dot({right})")
         self.depth[result] = max(self.depth.get(left, 0), self.depth.get(right, 0))
         now = (*both, *rows, *columns)
         made = (*batch, *((m,) if rows or both else ()), *((n,) if columns or both else ()))
@@ -469,17 +523,19 @@ class _Compiler:
         if own != full:
             name = self._register(f"np.broadcast_to({name}, {full})")
         searched = cells(here.variables)
-        ones = self._constant(np.ones(searched))
         if rest:
             flat = (*full[: len(rest)], searched)
             name = self._reshaped(name, full, flat)
-            total = self._register(f"dot({name}, {ones})")
+            total = self._register(f"{name}.dot({self._constant(np.ones(searched))})")
             self.lines.append(f"if not ({total} > TINY).all(): return None")
             result = self._register(f"{name} / {total}[..., None]")
         else:
             flat = (searched,)
             name = self._reshaped(name, full, flat)
-            total = self._register(f"dot({name}, {ones})")
+            few = searched <= FEW
+            total = self._register(
+                f"sum({name}.tolist())" if few else f"{name}.dot({self._constant(np.ones(searched))})"
+            )
             self.lines.append(f"if not {total} > TINY: return None")
             result = self._register(f"{name} / {total}")
         wanted = tuple(v for v in order if v in free or v in here.variables)

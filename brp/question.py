@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from brp.batch import answered, columns
 from brp.distribution import Distribution
 from brp.errors import EvidenceError, ImpossibleEvidence, QuestionError, TooLarge
-from brp.evidence import Evidence, Signature, weigh
+from brp.evidence import Evidence, Signature
 from brp.explain import Contribution, Explanation, bits
 from brp.expression import Leaf, Node, Otherwise, node, postorder
 from brp.factors import Density, Factor, label
@@ -98,15 +98,15 @@ class Question(Form):
             self._answers: list[Distribution | None] = [None] * len(self._table)
             self.source = "# every answer is in a table"
         else:
-            plan = compiled(self.start, self._hard, self.searched, sizes, soft)
+            plan = compiled(self.start, self._hard, self.searched, sizes, soft, keywords=True)
             self._run, self.source = plan.run, plan.source
         steps: list[tuple[str, Mapping[Any, int]]] = []
         self._strides: dict[Variable, int] = {}
         stride = 1
         for v in reversed(self._hard):
             if self._table is None:
-                steps.append((v.keyword, v.places))
-            elif self.start.has(v):
+                break  # the compiled function looks values up itself
+            if self.start.has(v):
                 steps.append((v.keyword, {value: place * stride for value, place in v.places.items()}))
                 self._strides[v] = stride
                 stride *= len(v)
@@ -128,25 +128,23 @@ class Question(Form):
         Raises `NotAValue` or `EvidenceError` for evidence that does not fit, `ImpossibleEvidence` when it has
         probability zero. A variable that is known softly is told a distribution, or a weight for each value.
         """
+        if self._table is None:
+            try:
+                p = self._run(known)
+            except (KeyError, TypeError, EvidenceError) as error:
+                raise self._refusal(known, error) from None
+            if p is None:
+                p = self._slowly(known)
+            return Distribution(self.searched, p if p.shape == self._shape else p.reshape(self._shape))
+        cell = 0
         try:
-            if self._table is not None:
-                cell = 0
-                for keyword, steps in self._steps:
-                    cell += steps[known[keyword]]
-            else:
-                told: list[Any] = [steps[known[keyword]] for keyword, steps in self._steps]
-                if self.soft:
-                    told += [weigh(v, known[v.keyword]) for v in self.soft]
-        except (KeyError, TypeError, EvidenceError):
-            raise self._refusal(known) from None
-        if len(known) != len(self.known):
-            raise self._refusal(known)
-        if self._table is not None:
-            return self._answers[cell] or self._answer(cell, known)
-        p = self._run(told)
-        if p is None:
-            return Distribution(self.searched, self._slowly(known))
-        return Distribution(self.searched, p if p.shape == self._shape else p.reshape(self._shape))
+            for keyword, steps in self._steps:
+                cell += steps[known[keyword]]
+            if len(known) != len(self.known):
+                raise KeyError
+        except (KeyError, TypeError) as error:
+            raise self._refusal(known, error) from None
+        return self._answers[cell] or self._answer(cell, known)
 
     def _answer(self, cell: int, told: Mapping[str, Any]) -> Distribution:
         assert self._table is not None
@@ -171,13 +169,13 @@ class Question(Form):
     ) -> NDArray[np.float64]:
         return logarithms(start, self.searched, evidence.places, without, evidence.logs)
 
-    def _refusal(self, told: Mapping[str, Any]) -> EvidenceError:
-        """What is wrong with the evidence, as a sentence."""
+    def _refusal(self, told: Mapping[str, Any], error: Exception) -> Exception:
+        """What is wrong with the evidence, as a sentence; the error itself where it came from a form's function."""
         try:
             self.signature.read(told)
-        except EvidenceError as error:
-            return error
-        raise AssertionError("evidence was refused that fits")
+        except EvidenceError as wrong:
+            return wrong
+        return error
 
     def _impossible(self, evidence: Evidence) -> ImpossibleEvidence:
         """Name the fewest terms that exclude the evidence: leave out each without which it stays excluded."""

@@ -126,6 +126,29 @@ def test_weights_that_do_not_fit_are_refused() -> None:
         question.where_impossible(without=B)
 
 
+def test_weights_in_an_array_are_refused_as_those_in_a_list_are() -> None:
+    for size in (2, 16, 17, 40):
+        V = Variable("V", range(size))
+        forms = {P(V): Table(np.full(size, 1 / size)), P(C | V): Table(np.full((2, size), 0.5))}
+        question = Specification(forms, name="pi").identify().ask(P(C | V), soft=V)
+        fine = np.linspace(1.0, 2.0, size)
+        np.testing.assert_allclose(question(V=fine).p, 0.5)
+        for wrong in (-fine, fine * 0, fine * np.nan, fine * np.inf, fine - 1.5):
+            for told in (wrong, wrong.tolist()):
+                with pytest.raises(
+                    EvidenceError, match=r"V was told weights that are no distribution: .*, in P\(C"
+                ):
+                    question(V=told)
+        last = fine.copy()
+        last[-1] = np.nan
+        with pytest.raises(EvidenceError, match="no distribution"):
+            question(V=last)
+        with pytest.raises(EvidenceError, match=f"was told {size + 1} weights"):
+            question(V=np.ones(size + 1))
+        with pytest.raises(EvidenceError, match="does not know W"):
+            question(V=fine, W=1)
+
+
 def test_what_the_weights_exclude_is_impossible() -> None:
     description = Specification({P(B): Table([1.0, 0.0]), P(C | B): Table(np.eye(2))}, name="pi").identify()
     with pytest.raises(ImpossibleEvidence, match=r"B as told is impossible .*: P\(B \| pi\) excludes it"):
