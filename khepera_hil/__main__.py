@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 from collections.abc import Sequence
 
-from khepera_hil.commands import COMMANDS, run
 from khepera_hil.errors import KheperaHilError
 
 __all__ = ["main"]
@@ -19,20 +19,37 @@ __all__ = ["main"]
 def main(arguments: Sequence[str] | None = None) -> int:
     """The console script; returns the exit code (0, or the error's own, see ``errors``)."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        code = _main(words)
+    except KheperaHilError as error:
+        print(f"khepera-hil: {error}", file=sys.stderr)
+        code = error.exit_code
+    except KeyboardInterrupt:
+        code = 130
+    except BrokenPipeError:
+        # Whoever read our output has gone; Python would complain once more when it flushes at the exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        code = 141
+    except OSError as error:
+        print(f"khepera-hil: {error}; is there room, and can standard output be written?", file=sys.stderr)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        code = 1
+    if any(thread.name.startswith("follower of") for thread in threading.enumerate()):
+        # A sink hangs, and said so; what it holds would keep the interpreter from ending.
+        os._exit(code)
+    return code
+
+
+def _main(words: list[str]) -> int:
+    from khepera_hil.commands import COMMANDS, run  # late: an interrupt during the imports is no traceback
+
     command = run.main
     if words and words[0] in COMMANDS:
         command = COMMANDS[words.pop(0)].main
-    try:
-        return command(words)
-    except KheperaHilError as error:
-        print(f"khepera-hil: {error}", file=sys.stderr)
-        return error.exit_code
-    except KeyboardInterrupt:
-        return 130
-    except BrokenPipeError:
-        # Whoever read our output has gone; Python would complain once more when it flushes at the exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 141
+    code = command(words)
+    if sys.stdout is not None:
+        sys.stdout.flush()
+    return code
 
 
 if __name__ == "__main__":

@@ -38,13 +38,16 @@ class Sink(Protocol[T_contra]):
 class Follower(Generic[T]):
     """Feeds ``sink`` from a queue of ``capacity`` items.
 
+    ``sink`` may be a function that opens it: it is called in the follower's thread, so that a file that cannot be
+    opened, or an opening that hangs, does not hold up whoever waits for it by :meth:`wait_until_open`.
+
     ``waits``: :meth:`offer` waits for room instead of dropping, but never longer than ``patience`` seconds: a
     sink that takes nothing for so long is given up. ``deadline`` (s) bounds :meth:`close`.
     """
 
     def __init__(
         self,
-        sink: Sink[T],
+        sink: Sink[T] | Callable[[], Sink[T]],
         *,
         name: str,
         waits: bool,
@@ -57,7 +60,8 @@ class Follower(Generic[T]):
         self._discarded = 0  # counted by the follower's: two counters, so neither needs a lock
         self.error: str | None = None
         """Why the sink gave up, or None."""
-        self._sink = sink
+        self._open: Callable[[], Sink[T]] = sink if callable(sink) else lambda: sink
+        self._opened = threading.Event()
         self._waits = waits
         self._patience = patience
         self._deadline = deadline
@@ -71,6 +75,11 @@ class Follower(Generic[T]):
     def dropped(self) -> int:
         """Items that never reached the sink so far."""
         return self._refused + self._discarded
+
+    def wait_until_open(self) -> None:
+        """Wait until the sink was opened, or has failed to be within ``patience`` seconds."""
+        if not self._opened.wait(self._patience):
+            self.error = f"it could not be opened within {self._patience:g} s"
 
     def offer(self, item: T) -> None:
         """Hand an item over; never raises."""
@@ -109,19 +118,26 @@ class Follower(Generic[T]):
         return losses
 
     def _run(self) -> None:
+        try:
+            sink = self._open()
+        except Exception as error:  # noqa: BLE001 - as in _guarded
+            self.error = f"{type(error).__name__}: {error}"
+            return
+        finally:
+            self._opened.set()
         while True:
             try:
                 item = self._queue.get(timeout=IDLE)
             except queue.Empty:
                 if self.error is None:
-                    self._guarded(self._sink.flush)
+                    self._guarded(sink.flush)
                 continue
             if item is None:
                 # Closed after an error too: what was written before it may still be worth finishing.
-                self._guarded(self._sink.close)
+                self._guarded(sink.close)
                 return
             if self.error is None:
-                self._guarded(self._sink.write, item, self.dropped)
+                self._guarded(sink.write, item, self.dropped)
             else:
                 self._discarded += 1  # taken off the queue all the same, so that nobody waits for room for ever
 

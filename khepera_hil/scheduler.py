@@ -43,6 +43,8 @@ def beats(clock: Clock, period: float, *, duration: float | None, stopped: Calla
         if missed:
             number += missed
             due, late = number * period, late - missed * period
+            if duration is not None and due > duration - period / 2:
+                return
         if stopped():
             return
         yield Beat(tick, due, late, missed)

@@ -11,7 +11,7 @@ import numpy as np
 from brp import BrpError, Distribution
 from khepera_hil.clock import Clock
 from khepera_hil.controllers import Controller, Decision
-from khepera_hil.errors import LinkLost, NoAnswer, RobotError
+from khepera_hil.errors import KheperaHilError, LinkLost, NoAnswer, RobotError
 from khepera_hil.khepera import Khepera
 from khepera_hil.lifecycle import Lifecycle
 from khepera_hil.perception import Readings
@@ -22,10 +22,11 @@ from khepera_hil.scheduler import Beat, beats
 __all__ = ["GIVE_UP", "HOLD", "Service", "Witness"]
 
 HOLD = 2
-"""Ticks without readings during which the wheels keep what they were told; then they are told to stop."""
+"""Periods without readings during which the wheels keep what they were told; then they are told to stop."""
 
 GIVE_UP = 20
-"""Ticks without readings, one after the other, after which the robot counts as silent and the run ends."""
+"""Ticks without readings or without an acknowledged speed, one after the other, after which the robot counts as
+silent and the run ends."""
 
 
 class Witness(Protocol):
@@ -66,12 +67,14 @@ class Service:
         """Why the loop ended: ``duration``, the reason given to :meth:`stop`, or ``error``."""
         self.rested = False
         """Whether the robot acknowledged the order to stand still at the end."""
+        self.error: str | None = None
+        """What ended the loop, when it was an error of ours."""
         self._khepera, self._controller, self._witness = khepera, controller, witness
         self._clock, self._period, self._rng = clock, period, rng
         self._stopwatch, self._wall = stopwatch, wall
         self._reason: str | None = None
         self._raw: dict[str, str] = {}
-        self._blind_in_a_row = 0
+        self._blind_periods = self._silent_in_a_row = 0
         self._told: dict[str, Pose] = {}
         self._shapes = {
             key: (
@@ -88,7 +91,8 @@ class Service:
         self.lifecycle.send("connect")
         try:
             versions = self._khepera.handshake()
-            self._khepera.set_speed(0, 0)
+            if not self._khepera.stop():
+                raise NoAnswer("the robot does not confirm the order to stand still: see that its line is good")
         except (RobotError, LinkLost):
             self.lifecycle.send("fail")
             raise
@@ -122,28 +126,48 @@ class Service:
             for beat in beats(
                 self._clock, self._period, duration=duration, stopped=lambda: self._reason is not None
             ):
-                recording.write(self._tick(beat))
-                if self._blind_in_a_row >= GIVE_UP:
-                    raise NoAnswer(
-                        f"no usable answer for {GIVE_UP} ticks: is the robot still switched on, and the cable in?"
-                    )
+                self._turn(beat, recording)
             self.ended = self._reason or "duration"
+        except KheperaHilError as error:
+            self.error = str(error)
+            raise
         finally:
             self._rest()
 
+    def _turn(self, beat: Beat, recording: Recording) -> None:
+        tick = self._begin(beat)
+        began = self._stopwatch()
+        lost = None
+        try:
+            self._tick(tick)
+        except LinkLost as error:
+            tick.events.append(("error", str(error)))
+            lost = error
+        tick.work_ms = 1e3 * (self._stopwatch() - began)
+        recording.write(tick)
+        self.ticks += 1
+        self.missed += tick.missed
+        self.work.add(tick.work_ms / 1e3)
+        self.late.add(beat.late)
+        if lost is not None:
+            raise lost
+        if self._silent_in_a_row >= GIVE_UP:
+            raise NoAnswer(
+                f"no usable answer for {GIVE_UP} ticks: is the robot still switched on, and the cable in?"
+            )
+
     def _rest(self) -> None:
-        self.lifecycle.send("stop")
+        self._raw = {}  # what is said from here on belongs to no tick
         try:
             self.rested = self._khepera.stop()
         except LinkLost:
-            self.lifecycle.send("fail")
             if self.ended != "error":
-                raise
-            return  # the error that ended the loop says more
-        self.lifecycle.send("rest")
+                raise  # else the error that ended the loop says more
+        finally:
+            self.lifecycle.send("stop")
+            self.lifecycle.send("rest" if self.rested else "fail")
 
-    def _tick(self, beat: Beat) -> Tick:
-        began = self._stopwatch()
+    def _begin(self, beat: Beat) -> Tick:
         self._raw = {}
         tick = Tick(tick=beat.tick, t=beat.due, late_ms=1e3 * beat.late, missed=beat.missed, raw=self._raw)
         tick.wall = self._wall()
@@ -152,20 +176,24 @@ class Service:
             tick.events.append(("info", f"{self._controller.name} runs, a tick every {self._period:g} s"))
         if beat.missed:
             tick.events.append(("warning", f"{beat.missed} deadlines missed"))
+        return tick
+
+    def _tick(self, tick: Tick) -> None:
         try:
-            decision = self._controller.step(self._read(), self._rng)
-        except (RobotError, BrpError) as error:
+            readings = self._read()
+            decision = self._controller.step(readings, self._rng)
+        except RobotError as error:
+            self._silent_in_a_row += 1
+            self._without_data(tick, error)
+        except BrpError as error:
             # Evidence that is refused or impossible counts as a tick without data, so that the loop goes on.
+            self._silent_in_a_row = 0
             self._without_data(tick, error)
         else:
-            self._blind_in_a_row = 0
+            self._blind_periods = 0
             self._act(tick, decision)
-        tick.work_ms = 1e3 * (self._stopwatch() - began)
-        self.ticks += 1
-        self.missed += beat.missed
-        self.work.add(tick.work_ms / 1e3)
-        self.late.add(beat.late)
-        return tick
+            # A robot that can be read but never confirms its speeds is as little under control as a silent one.
+            self._silent_in_a_row = 0 if tick.command is not None else self._silent_in_a_row + 1
 
     def _read(self) -> Readings:
         readings: dict[str, tuple[int, ...]] = {}
@@ -193,9 +221,12 @@ class Service:
     def _without_data(self, tick: Tick, error: Exception) -> None:
         tick.events.append(("warning", f"no data: {error}"))
         self.blind += 1
-        self._blind_in_a_row += 1
-        if self._blind_in_a_row > HOLD and self._khepera.halt():
-            tick.command = (0, 0)
+        self._blind_periods += 1 + tick.missed
+        if self._blind_periods > HOLD:
+            if self._khepera.halt():
+                tick.command = (0, 0)
+            else:
+                tick.events.append(("warning", "ordered to stand still, not acknowledged"))
 
     def _answer(self, key: str, given: Distribution) -> Answer:
         name, variables, values = self._shapes[key]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -14,9 +15,10 @@ import numpy as np
 import pytest
 
 from brp import ImpossibleEvidence, Question
+from khepera_hil import errors
 from khepera_hil.clock import SimulatedClock
 from khepera_hil.controllers import PROGRAMS, Decision
-from khepera_hil.errors import KheperaHilError, LinkLost, NoAnswer, RecordingError
+from khepera_hil.errors import LinkLost, NoAnswer, RecordingError
 from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link
 from khepera_hil.perception import Readings
@@ -131,7 +133,30 @@ def test_a_robot_that_stays_silent_ends_the_run(bench: Bench) -> None:
         bench.service.run(bench.recording, duration=60.0)
     assert bench.service.ended == "error"
     assert not bench.service.rested
+    assert bench.service.lifecycle.current_state_value == "faulted"
     assert bench.robot.speeds[-1][1] == b"D,0,0"
+
+
+def test_a_robot_that_never_confirms_its_speeds_ends_the_run_too(bench: Bench) -> None:
+    bench.service.connect()
+    start = bench.robot.clock.now()
+    bench.robot.silent = lambda now, request: now > start + 0.5 and request.startswith(b"D")
+    with pytest.raises(NoAnswer, match=f"{GIVE_UP} ticks"):
+        bench.service.run(bench.recording, duration=60.0)
+    assert not bench.service.rested
+
+
+def test_what_was_written_is_not_changed_by_what_the_robot_says_later(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ticks: list[Tick] = []
+    monkeypatch.setattr(bench.recording, "write", ticks.append)
+    bench.service.connect()
+    start = bench.robot.clock.now()
+    bench.robot.silent = lambda now, request: now > start + 1.8 and request.startswith(b"D")
+    bench.service.run(bench.recording, duration=2.0)
+    assert set(ticks[-1].raw) <= {"N", "D", "E", "K", "B", "?"}
+    assert ticks[-1].raw["D"] == ""
 
 
 def test_a_line_that_is_lost_ends_the_run_as_lost(bench: Bench) -> None:
@@ -140,7 +165,10 @@ def test_a_line_that_is_lost_ends_the_run_as_lost(bench: Bench) -> None:
     with pytest.raises(LinkLost):
         bench.service.run(bench.recording, duration=60.0)
     assert bench.service.lifecycle.current_state_value == "faulted"
-    assert len(bench.ticks()) == 10
+    last = bench.ticks()[-1]
+    assert last["tick"] == 10
+    assert last["events"][-1][0] == "error"
+    assert bench.service.error is not None
 
 
 def test_a_log_that_cannot_be_written_stops_the_wheels(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -163,11 +191,11 @@ class Refusing:
     questions: Mapping[str, Question] = MappingProxyType({})
 
     def __init__(self, error: Exception) -> None:
-        self.error, self.count = error, 0
+        self.error, self.count, self.always = error, 0, False
 
     def step(self, readings: Readings, rng: np.random.Generator) -> Decision:
         self.count += 1
-        if self.count % 2:
+        if self.always or self.count % 2:
             raise self.error
         return Decision({"Prox": 0}, {}, {}, {}, 4, 4)
 
@@ -200,5 +228,23 @@ def test_stop_ends_the_loop_at_its_next_tick_with_the_first_reason(bench: Bench)
     assert bench.service.rested
 
 
-def test_errors_of_ours_have_an_exit_code_of_their_own() -> None:
-    assert {error.exit_code for error in KheperaHilError.__subclasses__()} <= {1, 2, 3, 4, 5, 6}
+def test_persistent_impossible_evidence_does_not_end_the_run(tmp_path: Path) -> None:
+    controller = Refusing(ImpossibleEvidence("nothing fits", ()))
+    controller.always = True
+    bench = at_the_bench(tmp_path, controller)
+    bench.service.connect()
+    bench.service.run(bench.recording, duration=2 * GIVE_UP * 0.1)
+    assert bench.service.ended == "duration"
+    assert bench.ticks()[-1]["command"] == [0, 0]
+
+
+def test_errors_of_ours_have_the_exit_codes_that_their_tree_says() -> None:
+    assert errors.__doc__ is not None
+    said = dict(
+        re.findall(
+            r"^ *[|`]?.*?(\w+Error|\w+Lost|NoAnswer|BadAnswer|Refused|WireTooSlow) +(\d)", errors.__doc__, re.M
+        )
+    )
+    assert len(said) == 11
+    for name, code in said.items():
+        assert getattr(errors, name).exit_code == int(code)

@@ -12,10 +12,11 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any
-from urllib.parse import parse_qsl, urlencode, urlsplit
+from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
 import serial
 
@@ -23,13 +24,13 @@ from khepera_hil import chance
 from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
 from khepera_hil.controllers import PROGRAMS
-from khepera_hil.errors import RecordingError, UsageError
+from khepera_hil.errors import NoAnswer, RecordingError, UsageError
 from khepera_hil.follower import Follower
 from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link, check_budget
 from khepera_hil.opening import open_port
 from khepera_hil.quantiles import Quantiles
-from khepera_hil.recording import Recording
+from khepera_hil.recording import Recording, Tick
 from khepera_hil.service import Service
 from khepera_hil.terminal import Terminal
 from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
@@ -38,6 +39,8 @@ from khepera_hil.world import arenas
 __all__ = ["main"]
 
 DEFAULT_WORLD = "furnished"
+_TERMINAL = "the terminal"
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
 
 EPILOG = """\
 commands:
@@ -98,18 +101,24 @@ def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock
     recording = Recording.create(
         asked.runs, program=asked.program, seed=seed, manifest=manifest, started=datetime.now()
     )
-    print(f"{asked.program} on {asked.port}: Khepera {versions[0]}, seed {seed}", flush=True)
     try:
+        print(f"{asked.program} on {asked.port}: Khepera {versions[0]}, seed {seed}, recording {recording.folder}")
         rows = ROWS_FAST if clock.simulated else ROWS_WALL
-        sink = open_file(recording.folder / FILE, recording.manifest, rows=rows)
-        recording.follow(Follower(sink, name=FILE, waits=clock.simulated))
-        recording.follow(Follower(Terminal(sys.stdout, asked.program), name="the terminal", waits=False))
+        opening = partial(open_file, recording.folder / FILE, recording.manifest, rows=rows)
+        viewer: Follower[Tick] = Follower(opening, name=FILE, waits=clock.simulated)
+        recording.follow(viewer)
+        viewer.wait_until_open()
+        if sys.stdout is not None:  # nobody looks where it was closed
+            sys.stdout.flush()
+            recording.follow(Follower(Terminal(sys.stdout, asked.program), name=_TERMINAL, waits=False))
         service.run(recording, duration=asked.duration)
     except BaseException:
         _finish(recording, service, witness, as_json=asked.json)
         raise
     if (failure := _finish(recording, service, witness, as_json=asked.json)) is not None:
         raise failure
+    if not service.rested:
+        raise NoAnswer("the robot did not acknowledge the order to stop: see that its wheels stand still")
 
 
 def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bool) -> RecordingError | None:
@@ -122,6 +131,7 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
         "late_ms": _percentiles(service.late),
         "stop": service.ended,
         "rested": service.rested,
+        "error": service.error,
         "score": {} if witness is None else witness.score(),
     }
     failure = None
@@ -130,10 +140,9 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
     except RecordingError as error:
         losses, failure = [], error
     for loss in losses:
-        print(f"khepera-hil: {loss}", file=sys.stderr)
+        if not loss.startswith(_TERMINAL):  # who closed it knows that
+            print(f"khepera-hil: {loss}", file=sys.stderr)
     print(f"stopped ({ending['stop']}) after {ending['ticks']} ticks, {ending['missed']} deadlines missed")
-    if not service.rested:
-        print("THE ROBOT DID NOT ACKNOWLEDGE THE ORDER TO STOP: see that its wheels stand still")
     if ending["score"]:
         print("score: " + ", ".join(f"{name} {value}" for name, value in ending["score"].items()))
     print(f"recorded in {recording.folder}; to look at it: {_rerun()} {recording.folder / FILE}")
@@ -162,13 +171,13 @@ def port_url(port: str, world: str | None, *, fast: bool, seed: int) -> str:
     for flag, text in (("--port", port), ("--world", world)):
         if text == "":
             raise UsageError(f"{flag} is empty; leave it out for the emulator in its usual arena")
-    if port != "emulator" and not port.startswith("emulator:"):
+    if port.partition(":")[0].lower() != "emulator":
         for flag, given in (("--fast", fast), ("--world", world is not None)):
             if given:
                 raise UsageError(f"{flag} goes with --port emulator only; {port} is a robot of its own")
         return port
     try:
-        parts = urlsplit("emulator://" if port == "emulator" else port)
+        parts = urlsplit(port if ":" in port else "emulator://")
     except ValueError:
         raise UsageError(f"--port {port} is no name of an emulator; write emulator://ARENA") from None
     named = parts.netloc + parts.path
@@ -179,22 +188,25 @@ def port_url(port: str, world: str | None, *, fast: bool, seed: int) -> str:
         if key in query:
             raise UsageError(f"{key} does not go into the port's name; say {flag}")
     query |= {"seed": str(seed), "clock": "simulated" if fast else "wall"}
-    return f"emulator://{world or named or DEFAULT_WORLD}?{urlencode(query)}"
+    return f"emulator://{quote(world) if world else named or DEFAULT_WORLD}?{urlencode(query)}"
 
 
 def _world_of(url: str) -> str:
     parts = urlsplit(url)
-    return parts.netloc + parts.path
+    return unquote(parts.netloc + parts.path)
 
 
 @contextmanager
 def _signals(service: Service) -> Iterator[None]:
-    """Ctrl-C and SIGTERM end the loop at its next tick; a second Ctrl-C interrupts, and the wheels still stop."""
-    before = {which: signal.getsignal(which) for which in (signal.SIGINT, signal.SIGTERM)}
+    """Whatever asks the process to end or to pause ends the loop at its next tick, with wheels that stand still.
+
+    All that follows is bounded in time, so a second Ctrl-C, which a wrapper may send, changes nothing. A robot must
+    not drive on because a terminal was closed (SIGHUP) or its job stopped (Ctrl-Z).
+    """
+    before = {which: signal.getsignal(which) for which in _SIGNALS}
 
     def stop(which: int, frame: FrameType | None) -> None:
         service.stop("signal")
-        signal.signal(signal.SIGINT, signal.default_int_handler)
 
     for which in before:
         signal.signal(which, stop)
