@@ -19,7 +19,7 @@ bench: .venv/dev.stamp          ## speed; prints, never fails
 	$(BIN)/python -m benchmarks
 
 .venv/run.stamp: pyproject.toml constraints.txt
-	test -d .venv || $(PYTHON) -m venv .venv
+	test -d .venv || $(PYTHON) -m venv .venv || { rm -rf .venv; exit 1; }
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
 	touch $@
 

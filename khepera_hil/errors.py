@@ -88,7 +88,7 @@ class WorldError(KheperaHilError):
 
 
 class RecordingError(KheperaHilError):
-    """The run's folder cannot be written."""
+    """The run's folder cannot be written, or read back."""
 
     exit_code = 6
 

@@ -11,12 +11,13 @@
 Everything else (the viewer's file, live views) is derived and hangs behind the log as a :class:`Listener`.
 Reading back parses JSON and nothing else: nothing in a folder is ever executed or unpickled.
 
-The log's columns, one object a tick: ``tick`` (number of the deadline), ``t`` (s of robot time since the start),
-``missed`` (deadlines skipped just before), ``raw`` (command letter -> the robot's answer), ``orders`` (what the
-program ordered), ``evidence``, ``clipped`` (variable -> how often perception clipped it), ``answers`` (key of a
+The log's columns, one object a tick: ``tick`` (how many came before), ``t`` (s of robot time since the start),
+``missed`` (deadlines skipped just before), ``raw`` (command letter -> the robot's answer), ``orders`` (of the
+operator), ``evidence``, ``clipped`` (variable -> how often perception clipped it), ``answers`` (key of a
 question -> hash of its probabilities), ``u`` (the uniform number behind each draw), ``draws``, ``command``
-(left, right in pulse/10 ms as really sent, or null), ``pose`` (x m, y m, theta rad, or null), ``moved`` (movable
-shapes whose pose changed), ``events`` (level, text), ``late_ms``, ``work_ms``, ``wall`` (s since 1970).
+(left, right in pulse/10 ms as the robot acknowledged them, or null), ``pose`` (x m, y m, theta rad, or null),
+``moved`` (movable shapes whose pose changed), ``events`` (level, text), ``late_ms``, ``work_ms``, ``wall``
+(s since 1970).
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ class Score:
         """The figures, JSON-able:
 
         base_reached_s
-            when the robot's centre was first inside the base's square, or None;
+            when the robot's centre was first inside the base's square, in seconds since power-up, or None;
         contact_longest_s
             how long the longest contact lasted;
         contacts_over_half_second

@@ -61,21 +61,23 @@ def test_the_same_program_drives_the_emulator_over_a_pty(tmp_path: Path) -> None
         assert any(tick["command"] != [4, 4] for tick in ticks if tick["command"])
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP])
 def test_a_signal_stops_the_wheels_closes_the_recording_and_is_no_failure(tmp_path: Path, number: int) -> None:
     link = tmp_path / "khepera"
     with emulator(link, "--world", "empty"):
         process = start("--port", link, "--program", "avoid", "--json", cwd=tmp_path)
         line_with(process, "wheels")
         process.send_signal(number)
+        process.send_signal(number)  # as a wrapper does that hands a Ctrl-C on
         out, err = process.communicate(timeout=30)
         assert process.returncode == 0, err
         result = json.loads(out.splitlines()[-1])
         assert result["stop"] == "signal"
         manifest = json.loads((tmp_path / result["run"] / "manifest.json").read_text())
         assert manifest["ending"]["stop"] == "signal"
-        # The wheels were told to stop; what is left of the motion is their own inertia.
-        assert speeds(link) in {b"e,0,0\r\n", b"e,0,1\r\n", b"e,1,0\r\n", b"e,1,1\r\n"}
+        # The wheels were told to stop; what may be left of the motion is their own inertia, and that ends.
+        answers = [speeds(link) for _ in range(20)]
+        assert answers[-1] == b"e,0,0\r\n", answers
 
 
 def test_a_port_in_use_is_told_as_such(tmp_path: Path) -> None:
