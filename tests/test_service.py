@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from types import MappingProxyType
@@ -63,7 +63,6 @@ class Bench:
     robot: Robot
     service: Service
     recording: Recording
-    events: list[Tick] = field(default_factory=list)
 
     def ticks(self) -> list[dict[str, Any]]:
         return [json.loads(line) for line in (self.recording.folder / "ticks.jsonl").read_text().splitlines()]

@@ -72,16 +72,17 @@ def main(arguments: Sequence[str]) -> int:
     check_budget([*controller.needs, "D"], asked.baud, asked.period)
     with closing(open_port(url, asked.baud)) as port:
         clock: Clock = getattr(port, "clock", None) or WallClock()
+        witness = getattr(port, "witness", None)
         service = Service(
             Khepera(Link(port, clock, baud=asked.baud)),
             controller,
             clock=clock,
             period=asked.period,
             rng=chance.generator(chosen_seed, "program"),
-            witness=getattr(port, "witness", None),
+            witness=witness,
         )
         with _signals(service):
-            _run(asked, chosen_seed, url, service, clock, getattr(port, "witness", None))
+            _run(asked, chosen_seed, url, service, clock, witness)
     return 0
 
 
