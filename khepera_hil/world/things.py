@@ -38,12 +38,12 @@ def read_thing(table: Table, kind: Kind, floor: float) -> Shape:
     name = table.text("name")
     pose = read_pose(table, floor)
     height = table.number("height_mm", 1, 1000)
-    weight = {} if kind == "fixed" else _weight(table)
     if kind == "disc":
-        shape = disc(name, kind, table.number("radius_mm", 5, 500), pose, height, **weight)
+        shape = disc(name, kind, table.number("radius_mm", 5, 500), pose, height)
     else:
-        shape = box(name, kind, *table.numbers("size_mm", 2, 5, 2000), pose, height, **weight)
-    return _surfaced(table, shape)
+        width, depth = table.numbers("size_mm", 2, 5, 2000)
+        shape = box(name, kind, width, depth, pose, height)
+    return _surfaced(table, shape if kind == "fixed" else _weighed(table, shape))
 
 
 def read_pose(table: Table, floor: float) -> Pose:
@@ -70,11 +70,11 @@ def read_body(table: Table, pose: Pose, *, name: str | None = None, kinds: tuple
     name = table.text("name") if name is None else name
     form = table.word("shape", FORMS)
     height = table.number("height_mm", 1, 1000, 40.0)
-    weight = _weight(table)
     if form in ("disc", "cone"):
-        shape = disc(name, "disc", table.number("radius_mm", 5, 500), pose, height, **weight)
+        shape = disc(name, "disc", table.number("radius_mm", 5, 500), pose, height)
     elif form in ("box", "pyramid"):
-        shape = box(name, "block", *table.numbers("size_mm", 2, 5, 2000), pose, height, **weight)
+        width, depth = table.numbers("size_mm", 2, 5, 2000)
+        shape = box(name, "block", width, depth, pose, height)
     else:
         side = table.number("side_mm", 5, 2000)
         parts: tuple[_Corners, ...] = ()
@@ -82,15 +82,16 @@ def read_body(table: Table, pose: Pose, *, name: str | None = None, kinds: tuple
             corners, parts = _legs(side, table.number("leg_mm", 5, side / 2))
         else:
             corners = _regular(3 if form == "triangle" else 6, side)
-        shape = Shape(name, "block", pose, height, corners, parts=parts, **weight)
-    return _surfaced(table, replace(shape, pointed=form in ("pyramid", "cone")))
+        shape = Shape(name, "block", pose, height, corners, parts=parts)
+    return _surfaced(table, _weighed(table, replace(shape, pointed=form in ("pyramid", "cone"))))
 
 
-def _weight(table: Table) -> dict[str, float]:
-    return {
-        "mass": table.number("mass_g", 1, 10_000),
-        "floor_friction": table.number("floor_friction", 0, 2, FLOOR_FRICTION),
-    }
+def _weighed(table: Table, shape: Shape) -> Shape:
+    return replace(
+        shape,
+        mass=table.number("mass_g", 1, 10_000),
+        floor_friction=table.number("floor_friction", 0, 2, FLOOR_FRICTION),
+    )
 
 
 def _surfaced(table: Table, shape: Shape) -> Shape:
