@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from khepera_hil.world.shapes import Shape
@@ -46,9 +46,10 @@ _FLOOR = 5000.0  # mm, as wide as an arena may be
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happens ``at`` a moment, seconds since power-up."""
+    """Something that happens ``at`` a moment, seconds since power-up; ``where`` a file says so."""
 
     at: float
+    where: str = field(default="", kw_only=True, compare=False)
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,7 @@ def _event(table: Table) -> Event:
     at = table.number("at_s", 0, _LONGEST)
     event = _READERS[table.word("kind", tuple(_READERS))](table, at)
     table.end()
-    return event
+    return replace(event, where=table.where)
 
 
 def _order(table: Table, at: float) -> Event:
