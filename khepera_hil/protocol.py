@@ -15,6 +15,7 @@ import re
 from dataclasses import dataclass
 
 from khepera_hil.errors import ProtocolError
+from khepera_hil.units import ENCODER_PULSES_PER_MM, MAX_SPEED, SPEED_UNIT_MM_S
 
 __all__ = [
     "BAUD_RATES",
@@ -40,16 +41,6 @@ __all__ = [
     "parse_request",
     "wire_seconds",
 ]
-
-ENCODER_PULSES_PER_MM = 12.0
-"""600 pulses and 50 mm a wheel's turn. The manual also says 0.08 mm a pulse, which is 12.5: it contradicts
-itself by 4 % (appendix A, command H, against chapter 3)."""
-
-SPEED_UNIT_MM_S = 100.0 / ENCODER_PULSES_PER_MM
-"""One unit of command D: 1 pulse in 10 ms (the manual's "8 mm/s")."""
-
-MAX_SPEED = 127
-"""Command D's limit, "about 1 m/s"."""
 
 BAUD_RATES = (9600, 19200, 38400, 57600, 115200)
 """The rates of the mode jumpers (section 3.1.3); the last two on a Khepera II only."""

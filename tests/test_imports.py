@@ -20,7 +20,8 @@ TABLE: dict[str, set[str]] = {
     "khepera_hil.clock": set(),
     "khepera_hil.chance": {"numpy"},
     "khepera_hil.quantiles": set(),
-    "khepera_hil.protocol": {"khepera_hil.errors"},
+    "khepera_hil.units": set(),
+    "khepera_hil.protocol": {"khepera_hil.errors", "khepera_hil.units"},
     "khepera_hil.lifecycle": {"statemachine"},
     # the client's end
     "khepera_hil.opening": {"khepera_hil.errors", "serial"},
@@ -49,7 +50,16 @@ TABLE: dict[str, set[str]] = {
     },
     # the robot's end
     "khepera_hil.uart": {"khepera_hil.protocol"},
-    "khepera_hil.world": {"khepera_hil.world", "khepera_hil.errors", "khepera_hil.chance", "numpy", "pymunk"},
+    "khepera_hil.motion": {"khepera_hil.units"},
+    "khepera_hil.world": {
+        "khepera_hil.world",
+        "khepera_hil.errors",
+        "khepera_hil.chance",
+        "khepera_hil.motion",
+        "khepera_hil.units",
+        "numpy",
+        "pymunk",
+    },
     "khepera_hil.emulator": {
         "khepera_hil.errors",
         "khepera_hil.protocol",

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from khepera_hil.chance import streams
+from khepera_hil.motion import Motion
 from khepera_hil.world.arena import Arena, load_arena
 from khepera_hil.world.furnish import Layout, furnish
 from khepera_hil.world.noise import FrameNoise
@@ -93,6 +94,11 @@ class World:
                 # Only the last scan can still be read, so only it is remembered, and computed when it is.
                 self._scan_pose = pose
                 self._scan_poses = self._physics.movables()
+
+    @property
+    def motion(self) -> Motion:
+        """The robot's motion controllers, which the world runs every 10 ms and which keep their last order."""
+        return self._wheels.motion
 
     def set_speed(self, left: float, right: float) -> None:
         """What the wheels are to do from the next step on, mm/s."""
