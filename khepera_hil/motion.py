@@ -75,10 +75,10 @@ class _Axis:
         "acceleration",
         "fastest",
         "order",
+        "position_gains",
         "pwm",
         "speed",
         "speed_gains",
-        "position_gains",
     )
 
     def __init__(self) -> None:
@@ -185,7 +185,7 @@ class _Axis:
         self.pwm = pwm
 
     def _advance_profile(self) -> None:
-        """Accelerate, keep the speed, brake: so that v^2 / 2a is what is left of the way (manual, section 3.1.5)."""
+        """Accelerate, keep the speed, brake while v^2 / 2a is left of the way (manual, section 3.1.5)."""
         most = self.acceleration
         left = self._aim - self._place
         if not most or not self.fastest:
@@ -257,8 +257,8 @@ class Motion:
         self, left_speed: int, left_acceleration: int, right_speed: int, right_acceleration: int
     ) -> None:
         """Maximal speeds, pulse/10 ms, and accelerations, pulse/256/(10 ms)^2, of positioning (command J)."""
-        self._axes[0].set_profile(left_speed, left_acceleration)
-        self._axes[1].set_profile(right_speed, right_acceleration)
+        self._axes[0].set_profile(left, left_acceleration)
+        self._axes[1].set_profile(right, right_acceleration)
 
     def set_counters(self, values: Sequence[int], ways: Sequence[float]) -> None:
         """Let the counters show ``values`` where the encoders have gone ``ways`` pulses (command G).
