@@ -257,8 +257,8 @@ class Motion:
         self, left_speed: int, left_acceleration: int, right_speed: int, right_acceleration: int
     ) -> None:
         """Maximal speeds, pulse/10 ms, and accelerations, pulse/256/(10 ms)^2, of positioning (command J)."""
-        self._axes[0].set_profile(left, left_acceleration)
-        self._axes[1].set_profile(right, right_acceleration)
+        self._axes[0].set_profile(left_speed, left_acceleration)
+        self._axes[1].set_profile(right_speed, right_acceleration)
 
     def set_counters(self, values: Sequence[int], ways: Sequence[float]) -> None:
         """Let the counters show ``values`` where the encoders have gone ``ways`` pulses (command G).

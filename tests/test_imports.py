@@ -21,7 +21,9 @@ TABLE: dict[str, set[str]] = {
     "khepera_hil.chance": {"numpy"},
     "khepera_hil.quantiles": set(),
     "khepera_hil.units": set(),
-    "khepera_hil.protocol": {"khepera_hil.errors", "khepera_hil.units"},
+    "khepera_hil.fields": {"khepera_hil.errors"},
+    "khepera_hil.protocol": {"khepera_hil.errors", "khepera_hil.fields", "khepera_hil.units"},
+    "khepera_hil.turrets": {"khepera_hil.errors", "khepera_hil.fields"},
     "khepera_hil.lifecycle": {"statemachine"},
     # the client's end
     "khepera_hil.opening": {"khepera_hil.errors", "serial"},
