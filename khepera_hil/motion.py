@@ -71,7 +71,6 @@ class _Axis:
         "_offsets",
         "_place",
         "_ramp",
-        "_way",
         "acceleration",
         "fastest",
         "order",
@@ -79,10 +78,12 @@ class _Axis:
         "pwm",
         "speed",
         "speed_gains",
+        "way",
     )
 
     def __init__(self) -> None:
-        self._way = 0.0  # pulses at the last period's end
+        self.way = 0.0
+        """Pulses at the last period's end."""
         self.speed = 0.0
         """Measured over the last period."""
         self.reset()
@@ -95,7 +96,7 @@ class _Axis:
         self.set_speed_gains(*SPEED_GAINS)
         self.set_position_gains(*POSITION_GAINS)
         self.set_profile(*PROFILE)
-        self._aim = self._way
+        self._aim = self.way
         self._rest()
 
     def _rest(self) -> None:
@@ -106,9 +107,9 @@ class _Axis:
         """From where the wheel is and as fast as it turns, so that taking over is smooth."""
         gain = self.position_gains[0]
         ahead = self.speed / gain if gain else 0.0
-        self._place = self._way + min(max(ahead, -_AHEAD), _AHEAD)
+        self._place = self.way + min(max(ahead, -_AHEAD), _AHEAD)
         self._ramp = self.speed
-        self._offset = self._place - self._way
+        self._offset = self._place - self.way
         self._offsets = 0.0
 
     def set_speed_gains(self, proportional: float, integral: float, derivative: float) -> None:
@@ -147,8 +148,8 @@ class _Axis:
 
     def measure(self, way: float) -> None:
         """The encoder at a period's end."""
-        self.speed = way - self._way
-        self._way = way
+        self.speed = way - self.way
+        self.way = way
 
     def hold_pwm(self, pwm: float) -> None:
         """No controller; the speed controller may take over from here."""
@@ -159,7 +160,7 @@ class _Axis:
         """One period of the profile and its controller, and of the speed controller below it."""
         self._advance_profile()
         proportional, integral, derivative = self.position_gains
-        offset = self._place - self._way
+        offset = self._place - self.way
         if self._ramp == 0:  # on its way a wheel lags; summed up, that would carry it beyond
             self._offsets += offset
         order = proportional * offset + integral * self._offsets + derivative * (offset - self._offset)
@@ -218,7 +219,7 @@ class Motion:
         self.mode = Mode.SPEED
         for side, axis in enumerate(self._axes):
             axis.reset()
-            self._zeros[side] = math.floor(axis._way)
+            self._zeros[side] = math.floor(axis.way)
             self._targets[side] = 0
 
     def set_speed(self, left: float, right: float) -> None:
@@ -240,8 +241,10 @@ class Motion:
         self._aim(anew=anew)
 
     def _aim(self, *, anew: bool) -> None:
-        for axis, target, zero in zip(self._axes, self._targets, self._zeros, strict=True):
-            axis.aim(target + zero + 0.5, anew=anew)  # at rest in the middle of the pulse, which then is counted
+        ways = [axis.way for axis in self._axes]
+        for axis, target, counter in zip(self._axes, self._targets, self.counters(ways), strict=True):
+            # At rest in the middle of the pulse, which then is counted.
+            axis.aim(math.floor(axis.way) + target - counter + 0.5, anew=anew)
 
     def set_speed_gains(self, *gains: int) -> None:
         """Kp, Ki, Kd of the speed controllers (command A)."""

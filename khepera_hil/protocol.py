@@ -28,7 +28,6 @@ __all__ = [
     "MAX_SPEED",
     "PROTOCOL_ERROR",
     "SPEED_UNIT_MM_S",
-    "TURRET_ABSENT",
     "Command",
     "Field",
     "RequestLines",
@@ -55,7 +54,6 @@ LONGEST_LINE = 128
 COMMAND_NOT_FOUND = b"Command not found\r\n"
 LED_ABSENT = b"z,This LED does not exist.\r\n"
 LED_ACTION = b"z,This LED action is not possible.\r\n"
-TURRET_ABSENT = b"z,Turret order not supported\r\n"
 
 _INT32 = 2**31
 

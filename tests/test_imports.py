@@ -62,9 +62,17 @@ TABLE: dict[str, set[str]] = {
         "numpy",
         "pymunk",
     },
-    "khepera_hil.emulator": {
+    "khepera_hil.rom": {
+        "khepera_hil.rom",
         "khepera_hil.errors",
         "khepera_hil.protocol",
+        "khepera_hil.turrets",
+        "khepera_hil.units",
+        "khepera_hil.world",
+    },
+    "khepera_hil.emulator": {
+        "khepera_hil.protocol",
+        "khepera_hil.rom",
         "khepera_hil.uart",
         "khepera_hil.world",
     },
