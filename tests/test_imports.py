@@ -73,9 +73,11 @@ TABLE: dict[str, set[str]] = {
     },
     # the rim
     "khepera_hil.recording": {"khepera_hil.errors", "numpy"},
+    "khepera_hil.reading": {"khepera_hil.recording", "khepera_hil.errors"},
     "khepera_hil.follower": set(),
     "khepera_hil.viewer": {
         "khepera_hil.viewer",
+        "khepera_hil.reading",
         "khepera_hil.recording",
         "khepera_hil.errors",
         "numpy",

@@ -11,7 +11,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from khepera_hil.recording import Tick, read_manifest, read_ticks
+from khepera_hil.reading import read_manifest, read_ticks, tick_of
+from khepera_hil.recording import Tick
 
 if TYPE_CHECKING:
     from khepera_hil.viewer.sink import RerunFile
@@ -47,7 +48,7 @@ def remake(folder: Path | str, ticks: Iterable[Tick] | None = None) -> Path:
     beside = path.with_suffix(".rrd.new")
     sink = open_file(beside, manifest, rows=ROWS_FAST)
     try:
-        for tick in ticks if ticks is not None else map(Tick.from_row, read_ticks(folder)):
+        for tick in ticks if ticks is not None else map(tick_of, read_ticks(folder)):
             sink.write(tick, 0)
     except BaseException:
         sink.close()
