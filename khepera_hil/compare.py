@@ -63,7 +63,7 @@ def _columns(found: Comparison, left: Mapping[str, Any], right: Mapping[str, Any
         if a == b or name in host:
             continue
         count, *first = found.columns.get(name, (0, left["tick"], left.get("t", 0.0), a, b))
-        found.columns[name] = (count + 1, *first)  # type: ignore[assignment]  # the same five
+        found.columns[name] = (count + 1, *first)
 
 
 def _aligned(

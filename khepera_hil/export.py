@@ -94,9 +94,7 @@ def to_parquet(run: Run, path: Path) -> int:
     with _whole(path) as beside, pq.ParquetWriter(str(beside), schema) as writer:
         ticks = run.ticks()
         while batch := list(islice(ticks, BATCH)):
-            arrays = [
-                pa.array([_of(column, tick) for tick in batch], kinds[column.kind]) for column in chosen
-            ]
+            arrays = [pa.array([_of(column, tick) for tick in batch], kinds[column.kind]) for column in chosen]
             writer.write_batch(pa.record_batch(arrays, schema=schema))
             count += len(batch)
     return count

@@ -1,15 +1,14 @@
 """What another program, or the same one with other data, would have done on a run's readings.
 
 Another program meets the recorded answers of the robot, tick by tick, and draws with the recorded uniform numbers;
-where it needs more of them than were recorded they come from the run's seed. Other data leave the evidence as it was
-recorded. In neither case does the robot move otherwise: each tick is asked what it would have done *there*.
+where it needs more of them than were recorded they come from the run's seed. Other data leave the evidence as it
+was recorded. In neither case does the robot move otherwise: each tick is asked what it would have done *there*.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any, cast
 
@@ -39,20 +38,19 @@ class Beside:
     agree: dict[str, int] = field(default_factory=dict)
     """For each drawn variable that both have: in how many ticks both drew the same value."""
     apart: dict[str, list[float]] = field(default_factory=dict)
-    """For each question that both answer over the same values: total variation distance of the two, tick by tick."""
+    """For each question that both answer over the same values: the total variation distance, tick by tick."""
     commands: int = 0
     """Ticks with the same speeds."""
     first: tuple[int, float] | None = None
     """Tick and time (s) of the first that draws or drives otherwise."""
 
 
-def beside(recorded: Iterable[Tick], otherwise: Iterable[Tick]) -> Iterator[tuple[Tick, Tick, Beside]]:
-    """Both tick by tick, and the sums so far: at the end they are the whole run's."""
-    sums = Beside()
-    for here, there in zip_longest(recorded, otherwise):
+def beside(recorded: Iterable[Tick], otherwise: Iterable[Tick], sums: Beside) -> Iterator[tuple[Tick, Tick]]:
+    """Both tick by tick; ``sums`` is added to."""
+    for here, there in zip(recorded, otherwise, strict=True):
         if here.draws and there.draws:
             _add(sums, here, there)
-        yield here, there, sums
+        yield here, there
 
 
 def _add(sums: Beside, here: Tick, there: Tick) -> None:

@@ -173,7 +173,7 @@ def read_ticks(folder: Path | str) -> Iterator[dict[str, Any]]:
         following = Path(folder) / log_file(number)
         try:
             with path.open("rb") as log:
-                for at, line in enumerate(iter(lambda: log.readline(LONGEST), b""), 1):  # noqa: B023 - used at once
+                for at, line in enumerate(iter(lambda: log.readline(LONGEST), b""), 1):
                     where = f"{path}, line {at}"
                     if not line.endswith(b"\n"):
                         if len(line) < LONGEST and not following.exists():
@@ -254,7 +254,7 @@ def _check(manifest: Mapping[str, Any]) -> None:
         _need(isinstance(manifest.get(name) or {}, dict), f"{name} is no object")
     ending = manifest.get("ending") or {}
     _need(isinstance(ending.get("score") or {}, dict), "the score is no object")
-    _need(0 < _number(manifest.get("period_s", 0.1)), "the period is none")
+    _need(_number(manifest.get("period_s", 0.1)) > 0, "the period is none")
     _need(isinstance(manifest.get("program", "?"), str), "the program has no name")
     world = manifest.get("world")
     if world is not None:
@@ -303,7 +303,7 @@ def _pose(value: Any) -> Pose:
 
 
 def _value(value: Any) -> Value:
-    if isinstance(value, str):
+    if isinstance(value, (str, bool)):
         return value
     number = _number(value)
     return value if isinstance(value, int) else number

@@ -100,8 +100,8 @@ class Answer:
     def sketch(self) -> float:
         """One number that tells how far apart two distributions are whose hashes differ.
 
-        The sum of ``p[i] * w[i]`` in C order with ``w[i] = 2 * ((i + 1) * golden mod 1) - 1``, golden = 0.618...: no
-        further apart than the distributions' absolute differences in sum, and alike only by rare chance where
+        The sum of ``p[i] * w[i]`` in C order with ``w[i] = 2 * ((i + 1) * golden mod 1) - 1``, golden = 0.618...:
+        no further apart than the distributions' absolute differences in sum, and alike only by rare chance where
         those are not.
         """
         return float(self.p.ravel() @ _weights(self.p.size))
@@ -109,7 +109,8 @@ class Answer:
 
 @lru_cache(maxsize=64)
 def _weights(size: int) -> NDArray[np.float64]:
-    return 2 * (np.arange(1, size + 1) * 0.6180339887498949 % 1) - 1
+    weights: NDArray[np.float64] = 2 * (np.arange(1, size + 1) * 0.6180339887498949 % 1) - 1
+    return weights
 
 
 @dataclass(slots=True)

@@ -139,9 +139,7 @@ def _changed(said: Mapping[str, Any], question: Question) -> str | None:
     return None
 
 
-def _compare(
-    asked: Asked, tick: Tick, row: Mapping[str, Any], answer: Answer | str, question: Question
-) -> None:
+def _compare(asked: Asked, tick: Tick, row: Mapping[str, Any], answer: Answer | str, question: Question) -> None:
     asked.answers += 1
     if isinstance(answer, str):
         asked.wrong(tick, answer)

@@ -82,5 +82,7 @@ def _pairs(title: str, pairs: Mapping[str, tuple[Any, Any]]) -> None:
 
 
 def _short(value: Any) -> str:
-    text = "nothing" if value is None else value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    text = (
+        "nothing" if value is None else value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    )
     return text if len(text) <= 100 else text[:97] + "..."

@@ -80,7 +80,7 @@ def _draws(run: Run, tick: Tick, asked: argparse.Namespace) -> dict[str, tuple[Q
     if not tick.draws:
         why = "; ".join(text for _, text in tick.events) or "it has no readings"
         raise UsageError(f"nothing was drawn in tick {tick.tick} at {tick.t:g} s: {why}")
-    found = {}
+    found: dict[str, tuple[Question, dict[str, Value]]] = {}
     for key, question in controller_of(run).questions.items():
         names = [key] if len(question.searched) == 1 else [variable.name for variable in question.searched]
         drawn = {

@@ -16,8 +16,9 @@ example:
   khepera-hil export last --parquet home.parquet
   python -c 'import pandas; print(pandas.read_parquet("home.parquet").Vrot.mean())'
 
-Columns: tick, t (s), px1..px8 and l1..l8 (as the robot answered), left and right (pulse/10 ms, as it acknowledged
-them), then the program's variables and draws. What was not had is empty. The units are in the parquet file's schema.
+Columns: tick, t (s), px1..px8 and l1..l8 (as the robot answered), left and right (pulse/10 ms, as it
+acknowledged them), then the program's variables and draws. What was not had is empty. The units are in the schema
+of the parquet file.
 A file of that name is replaced when the new one is whole.
 """
 

@@ -81,7 +81,13 @@ def _result(run: Run, found: Replay) -> dict[str, Any]:
         }
         for one in found.asked.values()
     }
-    return {"run": str(run.folder), "ticks": found.ticks, "same": found.same, "first": first, "questions": questions}
+    return {
+        "run": str(run.folder),
+        "ticks": found.ticks,
+        "same": found.same,
+        "first": first,
+        "questions": questions,
+    }
 
 
 def _otherwise(asked: argparse.Namespace, run: Run) -> int:
@@ -115,7 +121,7 @@ def _show(
     sums, due = Beside(), 0.0
     if not asked.json:
         print(f"{'':>8}  {run.program + ', as recorded':<52}{name}")
-    for here, there, sums in beside(answered(run, questions), ticks):
+    for here, there in beside(answered(run, questions), ticks, sums):
         if not asked.json and here.t >= due - 1e-9:
             due = here.t + asked.every
             print(f"{here.t:6.1f} s  {_line(here):<52}{_line(there)}".rstrip())
