@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from khepera_hil.chance import streams
+from khepera_hil.motion import Motion
 from khepera_hil.world.arena import Arena, load_arena
 from khepera_hil.world.battery import Battery
 from khepera_hil.world.camera import Camera
@@ -160,6 +161,11 @@ class World:
         for name in self._director.walking:
             if name in seen:
                 self._score.saw(name, now, _STEPS_A_LOOK * STEP)
+
+    @property
+    def motion(self) -> Motion:
+        """The robot's motion controllers, which the world runs every 10 ms and which keep their last order."""
+        return self._wheels.motion
 
     def set_speed(self, left: float, right: float) -> None:
         """What the wheels are to do from the next step on, mm/s."""
