@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +24,6 @@ from khepera_hil.world.scenario import (
     LampSet,
     Mover,
     PutDown,
-    Scenario,
     TakeAway,
 )
 from khepera_hil.world.score import Score
@@ -45,39 +44,15 @@ class Cast:
     no sense in this arena.
     """
 
-    def __init__(self, layout: Layout, scenario: Scenario | None) -> None:
-        self.events: tuple[Event, ...] = () if scenario is None else scenario.events
-        size = layout.arena.size
-        lamps = {lamp.name for lamp in layout.lamps}
-        taken = lamps | {shape.name for shape in layout.shapes} | {"robot", "base"}
+    def __init__(self, layout: Layout, events: Sequence[Event]) -> None:
+        self._layout = layout
+        self._lamps = {lamp.name for lamp in layout.lamps}
+        self._taken = self._lamps | {shape.name for shape in layout.shapes} | {"robot", "base"}
+        self._objects = {shape.name: shape for shape in layout.shapes if shape.movable}
         brought: dict[str, Shape] = {}
-        movable = {shape.name for shape in layout.shapes if shape.movable}
         self.flames: dict[str, Fire] = {}
-        for event in self.events:
-            if isinstance(event, Fire):
-                _inside(event, "at_mm", [event.place], size)
-                if event.name in taken or event.name in brought:
-                    raise _wrong(event, "name", f"must be new; there is a {event.name!r} already")
-                self.flames[event.name] = event
-            elif isinstance(event, (Mover, PutDown)) and event.shape is not None:
-                places = event.path if isinstance(event, Mover) else event.shape.points().tolist()
-                _inside(event, "path_mm" if isinstance(event, Mover) else "at_mm", places, size, event.shape.radius)
-                name = event.shape.name
-                known = brought.get(name)
-                if name in taken or name in self.flames or (known and known != event.shape.at(known.pose)):
-                    raise _wrong(event, "name", f"must be new; there is another {name!r} already")
-                brought[name] = event.shape
-            elif isinstance(event, (PutDown, TakeAway)):
-                objects = {name for name, shape in brought.items() if shape.kind != "mover"} | movable
-                if event.name not in objects:
-                    there = ", ".join(sorted(objects)) or "none"
-                    raise _wrong(event, "name", f"must be a thing that can be moved ({there}), not {event.name!r}")
-                if isinstance(event, PutDown):
-                    known = brought.get(event.name) or next(s for s in layout.shapes if s.name == event.name)
-                    _inside(event, "at_mm", known.at(event.pose).points().tolist(), size, known.radius)
-            elif isinstance(event, LampSet) and event.name not in lamps:
-                there = ", ".join(sorted(lamps)) or "none"
-                raise _wrong(event, "name", f"must be a lamp of the arena ({there}), not {event.name!r}")
+        self.events = tuple(self._checked(event, brought) for event in events)
+        """The scenario's, with every place filled in."""
         self.shapes: tuple[Shape, ...] = (*layout.shapes, *brought.values())
         self.movables = [place for place, shape in enumerate(self.shapes) if shape.movable]
         self.numbers = {self.shapes[place].name: number for number, place in enumerate(self.movables)}
@@ -87,9 +62,52 @@ class Cast:
             for place, shape in enumerate(self.shapes)
             if place >= len(layout.shapes) or shape.name in layout.shelved
         }
-        self.shelf = self._shelved(layout)
+        self.shelf = self._shelved()
 
-    def _shelved(self, layout: Layout) -> dict[str, Pose]:
+    def _checked(self, event: Event, brought: dict[str, Shape]) -> Event:
+        if isinstance(event, Fire):
+            self._on_floor(event, "at_mm", [event.place])
+            if event.name in self._taken or event.name in brought:
+                raise _wrong(event, "name", f"must be new; there is a {event.name!r} already")
+            self.flames[event.name] = event
+        elif isinstance(event, Mover):
+            self._on_floor(event, "path_mm", event.path, event.shape.radius)
+            self._bring(event, event.shape, brought)
+        elif isinstance(event, PutDown):
+            if event.place is None:
+                if self._layout.arena.stage is None:
+                    raise _wrong(event, "at_mm", "is missing, and the arena has no stage")
+                event = replace(event, place=self._layout.arena.stage)
+            if event.shape is not None:
+                self._bring(event, event.shape, brought)
+                self._objects[event.name] = event.shape
+            shape = self._object(event).at(_pose(event))
+            self._on_floor(event, "at_mm", shape.points().tolist(), shape.radius)
+        elif isinstance(event, TakeAway):
+            self._object(event)
+        elif isinstance(event, LampSet) and event.name not in self._lamps:
+            raise _wrong(event, "name", f"must be a lamp of the arena ({_listed(self._lamps)}), not {event.name!r}")
+        return event
+
+    def _bring(self, event: Event, shape: Shape, brought: dict[str, Shape]) -> None:
+        known = brought.get(shape.name, shape)
+        if shape.name in self._taken or shape.name in self.flames or known.at(shape.pose) != shape:
+            raise _wrong(event, "name", f"must be new; there is another {shape.name!r} already")
+        brought[shape.name] = shape
+
+    def _object(self, event: PutDown | TakeAway) -> Shape:
+        if event.name not in self._objects:
+            there = _listed(self._objects)
+            raise _wrong(event, "name", f"must be a thing that can be moved ({there}), not {event.name!r}")
+        return self._objects[event.name]
+
+    def _on_floor(self, event: Event, key: str, places: Sequence[Sequence[float]], radius: float = 0.0) -> None:
+        width, depth = self._layout.arena.size
+        for x, y in places:
+            if not (radius <= x <= width - radius and radius <= y <= depth - radius):
+                raise _wrong(event, key, f"must be on the floor of {width:g} x {depth:g} mm, and all of it")
+
+    def _shelved(self) -> dict[str, Pose]:
         """Where things lie that are not on the floor, by name: in a row beyond the west wall, flames too."""
         shelf: dict[str, Pose] = {}
         along = 0.0
@@ -207,7 +225,7 @@ class Director:
     def _enters(self, event: PutDown | Mover) -> bool:
         """Put it on the floor if its place is free."""
         number = self._cast.numbers[_name(event)]
-        pose = event.shape.pose if isinstance(event, Mover) else event.pose
+        pose = event.shape.pose if isinstance(event, Mover) else _pose(event)
         if not self._physics.is_free(number, pose):
             return False
         self._physics.put(number, pose)
@@ -248,9 +266,10 @@ def _wrong(event: Event, key: str, what: str) -> WorldError:
     return WorldError(f"{event.where}{key} {what}")
 
 
-def _inside(
-    event: Event, key: str, places: Sequence[Sequence[float]], size: tuple[float, float], radius: float = 0.0
-) -> None:
-    for x, y in places:
-        if not (radius <= x <= size[0] - radius and radius <= y <= size[1] - radius):
-            raise _wrong(event, key, f"must be on the floor of {size[0]:g} x {size[1]:g} mm, and all of it")
+def _pose(event: PutDown) -> Pose:
+    x, y = event.place or (math.inf, math.inf)
+    return x, y, event.angle
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(sorted(names)) or "there is none"

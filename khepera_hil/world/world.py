@@ -22,7 +22,7 @@ from khepera_hil.world.furnish import Layout, furnish
 from khepera_hil.world.history import SCANS_A_STEP, History, Moment
 from khepera_hil.world.physics import Physics
 from khepera_hil.world.scanner import Scanner
-from khepera_hil.world.scenario import Agenda, Event, Scenario, load_scenario
+from khepera_hil.world.scenario import Agenda, Event, PutDown, Scenario, load_scenario
 from khepera_hil.world.score import Score
 from khepera_hil.world.sensors import GAIN_SPREAD, Sensors
 from khepera_hil.world.shapes import BODY_RADIUS, Pose, Shape, box, disc
@@ -51,7 +51,8 @@ class World:
 
     ``seed`` chooses the robot's peculiarities, its start, the furniture and all noise. ``arena`` and ``scenario``
     are such things, or what :func:`~khepera_hil.world.arena.load_arena` and
-    :func:`~khepera_hil.world.scenario.load_scenario` take. ``compression`` makes the battery so many times faster.
+    :func:`~khepera_hil.world.scenario.load_scenario` take. ``compression`` makes the battery so many times faster (None: as the scenario
+    says, 1 without one).    ``present`` names a thing from the arena's shelf that stands on its stage from the start.
     Raises :class:`~khepera_hil.errors.WorldError`.
     """
 
@@ -61,7 +62,8 @@ class World:
         seed: int = 0,
         scenario: Scenario | str | None = None,
         *,
-        compression: float = 1.0,
+        compression: float | None = None,
+        present: str | None = None,
     ) -> None:
         self.arena = load_arena(arena) if isinstance(arena, str) else arena
         self.scenario = load_scenario(scenario) if isinstance(scenario, str) else scenario
@@ -71,7 +73,10 @@ class World:
         self.layout: Layout = furnish(
             self.arena, np.random.default_rng(furniture), np.random.default_rng(owners["start"])
         )
-        self._cast = cast = Cast(self.layout, self.scenario)
+        events = () if self.scenario is None else self.scenario.events
+        self._cast = cast = Cast(
+            self.layout, events if present is None else (PutDown(0.0, present, where="the object's "), *events)
+        )
         self.sensors = Sensors(
             gains=np.exp(robot.normal(0, GAIN_SPREAD, 8)),
             mountings=robot.normal(0, _MOUNTING, 8),
@@ -82,6 +87,8 @@ class World:
         left, right = robot.normal(0, _WHEEL_BIAS, 2).tolist()
         self._wheels = Wheels((left, right), np.random.default_rng(slip), STEP)
         self._rolled = self._wheels.travel
+        if compression is None:
+            compression = 1.0 if self.scenario is None else self.scenario.compression
         self.battery = Battery(compression)
         self._turbine = False
         start = self.layout.start
