@@ -196,7 +196,7 @@ def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
 
 
 def port_url(port: str, world: str | None, scenario: str | None = None, *, fast: bool, seed: int) -> str:
-    """What pyserial is asked to open. Only the in-process emulator has a world, a scenario and a simulated clock."""
+    """What pyserial is asked to open. Only the in-process emulator has worlds, scenarios and a simulated clock."""
     for flag, text in (("--port", port), ("--world", world), ("--scenario", scenario)):
         if text == "":
             raise UsageError(f"{flag} is empty; leave it out for the emulator in its usual arena")
@@ -257,13 +257,13 @@ def _signals(service: Service) -> Iterator[None]:
 def _list() -> None:
     print("programs (--program):")
     for name, (does, _) in PROGRAMS.items():
-        print(f"  {name:12} {does}")
+        print(f"  {name:13} {does}")
     print("arenas of the emulator (--world):")
     for name, looks in arenas().items():
-        print(f"  {name:12} {looks}")
+        print(f"  {name:13} {looks}")
     print("scenarios of the emulator (--scenario):")
     for name, happens in scenarios().items():
-        print(f"  {name:12} {happens}")
+        print(f"  {name:13} {happens}")
 
 
 def _parser() -> Parser:
@@ -291,7 +291,8 @@ def _parser() -> Parser:
     add(
         "--world",
         metavar="ARENA",
-        help=f"of the in-process emulator: a name of --list or a TOML file (default: the scenario's, or {DEFAULT_WORLD})",
+        help=f"of the in-process emulator: a name of --list or a TOML file (default: {DEFAULT_WORLD}, "
+        "or what the scenario was made for)",
     )
     add(
         "--scenario",

@@ -1,4 +1,4 @@
-"""``emulator://ARENA?scenario=S&seed=N&clock=wall|simulated&baud=B``: a pyserial port with an emulated robot behind.
+"""``emulator://ARENA?scenario=S&seed=N&clock=wall|simulated&baud=B``: a pyserial port, an emulated robot behind.
 
 ARENA is an arena's name or the path of a TOML file (``emulator:///home/me/arena.toml``); without one it is the
 scenario's, or ``furnished``. ``scenario`` is a scenario's name or path; ``object`` names a thing that stands on the

@@ -51,9 +51,9 @@ class World:
 
     ``seed`` chooses the robot's peculiarities, its start, the furniture and all noise. ``arena`` and ``scenario``
     are such things, or what :func:`~khepera_hil.world.arena.load_arena` and
-    :func:`~khepera_hil.world.scenario.load_scenario` take. ``compression`` makes the battery so many times faster (None: as the scenario
-    says, 1 without one).    ``present`` names a thing from the arena's shelf that stands on its stage from the start.
-    Raises :class:`~khepera_hil.errors.WorldError`.
+    :func:`~khepera_hil.world.scenario.load_scenario` take. ``compression`` makes the battery so many times faster
+    (None: as the scenario says, 1 without one). ``present`` names a thing from the arena's shelf that stands on its
+    stage from the start. Raises :class:`~khepera_hil.errors.WorldError`.
     """
 
     def __init__(
@@ -73,10 +73,10 @@ class World:
         self.layout: Layout = furnish(
             self.arena, np.random.default_rng(furniture), np.random.default_rng(owners["start"])
         )
-        events = () if self.scenario is None else self.scenario.events
-        self._cast = cast = Cast(
-            self.layout, events if present is None else (PutDown(0.0, present, where="the object's "), *events)
-        )
+        events: list[Event] = [] if self.scenario is None else [*self.scenario.events]
+        if present is not None:
+            events.insert(0, PutDown(0.0, present, where="the object's "))
+        self._cast = cast = Cast(self.layout, events)
         self.sensors = Sensors(
             gains=np.exp(robot.normal(0, GAIN_SPREAD, 8)),
             mountings=robot.normal(0, _MOUNTING, 8),
