@@ -4,7 +4,7 @@
 sensors read at 10 Hz while the robot wanders through the furnished arena. ``chain_x_realtime``: the same for the
 whole chain in simulated time: program ``home`` with its inference, N, O and D as bytes each tick and a whole
 picture of the camera every second tick, at 115200 baud, the log written, no viewer's file. ``proximity_rms`` and
-``light_rms`` are counts of 1023 and of 511, against the tables in ``benchmarks.measured`` (``--cells`` prints them).
+``light_rms`` are counts of 1023 and of 511, against ``benchmarks.measured`` (``--cells`` prints every cell).
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from khepera_hil.recording import Recording
 from khepera_hil.service import Service
 from khepera_hil.units import SPEED_UNIT_MM_S
 from khepera_hil.world import World
+from khepera_hil.world.camera import PIXELS
 
 _PERIOD = 0.1
 _BAUD = 115200
@@ -70,7 +71,8 @@ class _Looking:
     def step(self, readings: Readings, rng: np.random.Generator) -> Decision:
         self._ticks += 1
         if self._ticks % 2:
-            self.pictures += len(self._khepera.link.ask("T", _CAMERA, "N")) == 66
+            _, picture = self._khepera.link.ask("T", _CAMERA, "N")
+            self.pictures += str(picture).count(",") == PIXELS
         return self._program.step(readings, rng)
 
 
