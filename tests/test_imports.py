@@ -84,13 +84,10 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.world",
         "serial",
     },
-    "khepera_hil.serve": {
-        "khepera_hil.clock",
-        "khepera_hil.emulator",
-        "khepera_hil.errors",
-        "khepera_hil.uart",
-        "khepera_hil.world",
-    },
+    "khepera_hil.endpoints": {"khepera_hil.errors"},
+    "khepera_hil.serve": {"khepera_hil.clock", "khepera_hil.emulator", "khepera_hil.endpoints"},
+    "khepera_hil.diary": {"khepera_hil.errors", "khepera_hil.world"},
+    "khepera_hil.onlooker": {"khepera_hil.recording", "khepera_hil.world"},
     # the rim
     "khepera_hil.recording": {"khepera_hil.errors", "numpy"},
     "khepera_hil.reading": {"khepera_hil.recording", "khepera_hil.errors"},
