@@ -109,7 +109,9 @@ class ManualClient:
         return self.line()
 
     def settle(self) -> None:
-        """Read the boot text, or what is left of it, away."""
+        """Read away what there is: the boot text, what was said to a client before."""
+        while select.select([self._fd], [], [], 0)[0]:
+            assert os.read(self._fd, 4096)
         self.send("G,4711,-4711", "H")
         while self.line() != "h,4711,-4711":
             pass
