@@ -100,7 +100,9 @@ class Line:
         """Forget what has not left yet; a character that is half out goes with it."""
         self._ready = deque(entry for entry in self._ready if entry[0] <= now)
         self._frames = deque(
-            (start, byte, bit) for start, byte, bit in self._frames if start + BITS_PER_CHARACTER * bit <= now + 1e-9
+            (start, byte, bit)
+            for start, byte, bit in self._frames
+            if start + BITS_PER_CHARACTER * bit <= now + 1e-9
         )
         self.free = min(self.free, now)
 

@@ -80,6 +80,7 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.clock",
         "khepera_hil.emulator",
         "khepera_hil.errors",
+        "khepera_hil.rom",
         "khepera_hil.uart",
         "khepera_hil.world",
         "serial",
