@@ -4,7 +4,8 @@ ARENA is an arena's name or the path of a TOML file (``emulator:///home/me/arena
 scenario's, or ``furnished``. ``scenario`` is a scenario's name or path; ``object`` names a thing that stands on the
 arena's stage from the start; ``compression`` makes the battery so many times faster. ``seed`` is 0 by default,
 ``clock`` the wall's, ``baud`` the rate that the port is opened with (give another one, and the line is garbled).
-Each opening switches on a new robot in a new world.
+``robot`` is khepera or khepera2 (by default the first that has the rate), ``turrets`` what is plugged on it, such
+as ``gripper,k213`` or ``none``. Each opening switches on a new robot in a new world.
 
 Everything runs in the caller's thread: the world is moved on when the port is used, as far as the clock
 says; with the simulated clock it is the reading and the sleeping that move the clock.
@@ -23,6 +24,7 @@ from serial.serialutil import SerialBase
 from khepera_hil.clock import Clock, SimulatedClock, WallClock
 from khepera_hil.emulator import Emulator
 from khepera_hil.errors import UsageError
+from khepera_hil.rom import turrets
 from khepera_hil.uart import FIFO_16550
 from khepera_hil.world import Order, World, load_scenario
 
@@ -34,7 +36,7 @@ __all__ = ["Serial", "Witness"]
 _DRIVER_BUFFER = 4096
 """Characters that the host's driver takes before ``write`` has to wait, as a Linux terminal does."""
 
-_KEYS = ("scenario", "object", "compression", "seed", "clock", "baud")
+_KEYS = ("scenario", "object", "compression", "seed", "clock", "baud", "robot", "turrets")
 _CLOCKS: dict[str, type[WallClock] | type[SimulatedClock]] = {"wall": WallClock, "simulated": SimulatedClock}
 
 
@@ -97,8 +99,10 @@ class Serial(SerialBase):
             raise serial.SerialException("Port is already open.")
         if self.port is None:
             raise serial.SerialException("Port must be configured before it can be used.")
-        world, make_clock, baud = _parsed(self.port)
-        self._emulator = Emulator(world, baud or self.baudrate, host_baud=self._checked_baudrate(), fifo=FIFO_16550)
+        world, make_clock, baud, fittings = _parsed(self.port)
+        self._emulator = Emulator(
+            world, baud or self.baudrate, host_baud=self._checked_baudrate(), fifo=FIFO_16550, **fittings
+        )
         self._input.clear()
         clock = make_clock()
         if isinstance(clock, SimulatedClock):
@@ -216,8 +220,8 @@ class Serial(SerialBase):
     def _update_break_state(self) -> None: ...
 
 
-def _parsed(url: str) -> tuple[World, Callable[[], WallClock | SimulatedClock], int | None]:
-    """World, clock and the robot's rate (None: the port's). Raises UsageError and WorldError."""
+def _parsed(url: str) -> tuple[World, Callable[[], WallClock | SimulatedClock], int | None, dict[str, Any]]:
+    """World, clock, the robot's rate (None: the port's) and its kind. Raises UsageError and WorldError."""
     parts = urlsplit(url)
     arena = unquote(parts.netloc + parts.path)
     given: dict[str, str] = {}
@@ -238,7 +242,10 @@ def _parsed(url: str) -> tuple[World, Callable[[], WallClock | SimulatedClock], 
         compression=_factor(given["compression"]) if "compression" in given else None,
         present=given.get("object"),
     )
-    return world, _CLOCKS[clock], _whole("baud", given["baud"]) if "baud" in given else None
+    fittings: dict[str, Any] = {"robot": given["robot"]} if "robot" in given else {}
+    if "turrets" in given:
+        fittings["turrets"] = turrets(given["turrets"])
+    return world, _CLOCKS[clock], _whole("baud", given["baud"]) if "baud" in given else None, fittings
 
 
 def _whole(key: str, text: str) -> int:
