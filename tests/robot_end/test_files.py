@@ -21,8 +21,8 @@ JUNK = st.one_of(
     st.booleans(),
     TEXT,
     st.lists(st.one_of(st.integers(-5, 2000), st.floats(), TEXT), max_size=4),
-    st.just({}),
-    st.just([{}]),
+    st.builds(dict),
+    st.builds(lambda: [{}]),
 )
 
 
@@ -49,13 +49,13 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 def damaged(table: dict[str, Any], data: st.DataObject) -> dict[str, Any]:
     for _ in range(data.draw(st.integers(1, 2))):
-        *way, last = data.draw(st.sampled_from(places(table)))
+        *way, last = data.draw(st.sampled_from(places(table) or [("title",)]))
         there: Any = table
         for key in way:
             there = there[key]
         if data.draw(st.booleans()):
             there[last] = data.draw(JUNK)
-        else:
+        elif last in there or isinstance(there, list):
             del there[last]
     return table
 
