@@ -57,7 +57,7 @@ COMMANDS = (
 )
 
 
-@settings(max_examples=300)
+@settings(max_examples=60)
 @given(data=st.data(), name=st.sampled_from([LOG, MANIFEST]))
 def test_a_log_or_manifest_with_flipped_or_lost_bytes_gets_a_sentence(
     small: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, name: str
@@ -101,7 +101,7 @@ def test_a_column_of_any_other_kind_is_read_or_refused(small: Path, data: st.Dat
     assert json.loads(tick.line())["t"] == pytest.approx(row["t"])  # what was taken can be written again
 
 
-@settings(max_examples=300)
+@settings(max_examples=25)
 @given(data=st.data(), value=json_values)
 def test_a_manifest_with_an_entry_of_any_other_kind_is_read_or_refused(
     small: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, value: Any
