@@ -188,3 +188,19 @@ def test_nothing_of_it_is_left_when_the_run_has_ended(live: tuple[Address, LiveV
     assert page.poll() is not None
     for port in (where.web_port, where.grpc_port):
         assert program.free_port("127.0.0.1", port) == port
+
+
+def test_a_window_is_opened_on_the_stream_and_nowhere_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = tmp_path / "viewer"
+    script.write_text(f'#!/bin/sh\nprintf "%s " "$@" > {tmp_path}/asked\n')
+    script.chmod(0o755)
+    monkeypatch.setattr("khepera_hil.viewer.program.program", lambda: str(script))
+    where = address()
+    sink = open_live({"program": "home", "run": "live", **synthetic.manifest()}, where, page=False, window=True)
+    sink.write(next(synthetic.ticks(1)), 0)
+    sink.close()
+    end = time.monotonic() + 60
+    while not (tmp_path / "asked").exists() or not (tmp_path / "asked").read_text():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    assert (tmp_path / "asked").read_text() == f"{where.stream} --port auto "

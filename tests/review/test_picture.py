@@ -43,7 +43,7 @@ def test_every_panel_of_the_layout_shows_without_complaint(tmp_path: Path, world
     _, names, timelines = look(path, 4.0)
     assert timelines == {"run_time", "tick", "wall_clock"}
     for start in (
-        "Vrot (drawn: red): P(Vrot | Dir Prox Theta1)",
+        "Vrot (red: drawn)",
         "H: 0 avoidance, 1 phototaxy",
         "Events",
         "States",
