@@ -57,12 +57,10 @@ def main(count: int = 1000) -> None:
                 f"{'':34}per hour at 10 Hz: log {text / count * 0.036:.0f} MB, {FILE} {size / count * 0.036:.0f} MB"
             )
         recording = _recording(runs)
-        where = address()
-        for name, sink in (
-            (FILE, open_file(recording.folder / FILE, recording.manifest, rows=ROWS_WALL)),
-            ("the live view", open_live(recording.manifest, where, page=False, window=False)),
-        ):
-            recording.follow(Follower(sink, name=name, waits=False))
+        sink = open_file(recording.folder / FILE, recording.manifest, rows=ROWS_WALL)
+        recording.follow(Follower(sink, name=FILE, waits=False))
+        live = open_live(recording.manifest, address(), page=False, window=False)
+        recording.follow(Follower(live, name="the live view", waits=False))
         _paced("log, file and live view", ticks, recording.write)
         for sentence in recording.close({}):
             print(sentence)

@@ -7,13 +7,15 @@ the line), here and nowhere later.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import json
 import os
+import stat
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from khepera_hil.errors import RecordingError
 from khepera_hil.kinds import FAR, WRONG, as_number, as_pose, as_uniform, as_value, check_manifest
@@ -64,7 +66,7 @@ class Run:
     def going_on(self) -> bool:
         """Whether somebody is writing it at this moment."""
         try:
-            with (self.folder / LOG).open("rb") as log:
+            with _opened(self.folder / LOG) as log:
                 fcntl.flock(log, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
             return True
@@ -78,7 +80,7 @@ class Run:
         for name in reversed(names):
             path = self.folder / name
             try:
-                with path.open("rb") as log:
+                with _opened(path) as log:
                     size = log.seek(0, os.SEEK_END)
                     log.seek(max(0, size - 2 * LONGEST))
                     lines = log.read().split(b"\n")[:-1]  # what follows the last newline was never acknowledged
@@ -135,7 +137,7 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
     """The manifest of a run's folder. Raises RecordingError when there is none, or it is not one of ours."""
     path = Path(folder) / MANIFEST
     try:
-        with path.open("rb") as file:
+        with _opened(path) as file:
             text = file.read(LARGEST + 1)
         if len(text) > LARGEST:
             raise RecordingError(f"{path} is not the manifest of a run: it is larger than {LARGEST >> 20} MB")
@@ -169,7 +171,7 @@ def read_ticks(folder: Path | str) -> Iterator[dict[str, Any]]:
         number += 1
         following = Path(folder) / log_file(number)
         try:
-            with path.open("rb") as log:
+            with _opened(path) as log:
                 for at, line in enumerate(iter(lambda: log.readline(LONGEST), b""), 1):
                     where = f"{path}, line {at}"
                     if not line.endswith(b"\n"):
@@ -221,6 +223,15 @@ def _log_files(folder: Path) -> list[str]:
     """The log's files that are there, in order."""
     first = [LOG] if (folder / LOG).exists() else []
     return first + sorted(path.name for path in folder.glob("ticks-[0-9][0-9][0-9][0-9].jsonl"))
+
+
+def _opened(path: Path) -> BinaryIO:
+    """The file, opened without waiting for it: a pipe in its place would never have an end."""
+    file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK | os.O_CLOEXEC))
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise OSError(errno.EINVAL, "it is not a plain file")
+    return file
 
 
 def _row(line: bytes, where: str) -> dict[str, Any]:

@@ -258,8 +258,8 @@ def about(manifest: Mapping[str, Any]) -> str:
         "- Light readings fall with brightness. Angles of a program are clockwise degrees, 0 ahead.",
         "- States: words over time, as they were known or drawn; of what was only asked for the most probable one.",
         "- Wheels in pulses per 10 ms, as really sent (1 is 8 mm/s).",
-        "- Loop: by how many ms a tick came late and how long it worked, deadlines missed, ticks that this file lacks; "
-        "link: characters that the robot answered, and those that nobody had asked for.",
+        "- Loop: by how many ms a tick came late and how long it worked, deadlines missed, ticks that this file "
+        "lacks; link: characters that the robot answered, and those that nobody had asked for.",
         "- Timelines: `run_time` (robot time), `tick` (number of the deadline), `wall_clock` (host).",
     ]
     return "\n".join(lines)

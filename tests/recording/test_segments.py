@@ -68,7 +68,6 @@ def test_words_are_states_that_change_when_they_do_known_drawn_or_most_probable(
     manifest = {"program": "night", "questions": [question, asked], "evidence": evidence}
     sink = open_file(tmp_path / FILE, manifest, rows=3)
     for k in range(12):
-        shape: Any = (("H",), (("avoidance", "phototaxy"),))
         p = np.array([0.9, 0.1]) if k >= 6 else np.array([0.2, 0.8])
         known: dict[str, Any] = {"Energy": "low" if k < 4 else "high", "Vigil": k >= 8, "Prox": 1}
         sink.write(
@@ -76,7 +75,7 @@ def test_words_are_states_that_change_when_they_do_known_drawn_or_most_probable(
                 k,
                 k / 10,
                 evidence={} if k == 10 else known,
-                answers={"H": Answer("", *shape, p)},
+                answers={"H": Answer("", ("H",), (("avoidance", "phototaxy"),), p)},
                 draws={"Behavior": "patrol" if k < 9 else "recharge"},
             ),
             0,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from khepera_hil.__main__ import main
+from khepera_hil.__main__ import outcome
 from khepera_hil.reading import Run, find
 from tests.runs.cli import khepera_hil
 
@@ -58,7 +58,7 @@ def say(capsys: pytest.CaptureFixture[str]) -> Callable[..., Said]:
 
     def command(*words: str | Path) -> Said:
         capsys.readouterr()
-        code = main([str(word) for word in words])
+        code = outcome([str(word) for word in words])
         printed = capsys.readouterr()
         return Said(code, printed.out, printed.err)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
@@ -14,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from khepera_hil.__main__ import main
+from khepera_hil.__main__ import outcome
 from khepera_hil.errors import RecordingError
 from khepera_hil.reading import Run, find, tick_of
 from khepera_hil.recording import LOG, MANIFEST
@@ -40,7 +41,7 @@ def calm(folder: Path, *, commands: tuple[list[str], ...]) -> None:
     for words in commands:
         said = StringIO()
         with redirect_stderr(said), redirect_stdout(StringIO()):
-            code = main([word.replace("RUN", str(folder)) for word in words])
+            code = outcome([word.replace("RUN", str(folder)) for word in words])
         assert code in (0, 1, 2, 6), words
         if code in (2, 6):
             assert said.getvalue().startswith("khepera-hil: ")
@@ -159,17 +160,21 @@ def test_nothing_in_a_folder_is_run_or_unpickled(copy: Path, tmp_path: Path, say
     assert not (tmp_path / "sprung").exists()
 
 
-def test_a_line_without_end_and_a_folder_in_the_logs_place_are_refused(copy: Path, say: Callable[..., Any]) -> None:
+def test_a_line_without_end_and_what_is_no_file_in_the_logs_place_are_refused(
+    copy: Path, say: Callable[..., Any]
+) -> None:
     with (copy / LOG).open("ab") as log:
         log.write(b'"' * (3 << 20))
     said = say("replay", copy)
     assert said.code == 6
     assert "line 121 is damaged: it has no end" in said.err
-    (copy / LOG).unlink()
-    (copy / LOG).mkdir()
-    said = say("replay", copy)
-    assert said.code == 6
-    assert "cannot be read" in said.err
+    for make in (os.mkdir, os.mkfifo, lambda path: os.symlink("/dev/zero", path)):
+        (copy / LOG).rmdir() if (copy / LOG).is_dir() else (copy / LOG).unlink()
+        make(copy / LOG)
+        said = say("replay", copy)
+        assert said.code == 6
+        assert "cannot be read" in said.err
+        assert say("runs", "--runs", copy.parent).code == 0
 
 
 @pytest.fixture(scope="module")

@@ -173,7 +173,10 @@ def test_other_data_reach_down_to_the_description_that_they_fit(
     runs: Path, tmp_path: Path, say: Callable[..., Any]
 ) -> None:
     """Of home, which has no parameters of its own, they teach the avoidance that it calls."""
-    rows = [{"Dir": d, "Prox": p, "Vrot": 10 if d > 0 else -10} for d in Dir.values for p in Prox.values] * 2
+    rows = [
+        {"Dir": d, "Prox": p, "Vrot": 10 if d in range(1, 11) else -10} for d in Dir.values for p in Prox.values
+    ]
+    rows += rows
     save_data(rows, [Dir, Prox, Vrot], tmp_path / "push.json", name="delta-push")
     save(obstacle.identify(rows, name="delta-push"), tmp_path / "description.json")
     found = []

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from khepera_hil.__main__ import outcome
 from khepera_hil.commands import COMMANDS
 from khepera_hil.errors import RecordingError
 from khepera_hil.reading import Run, find, recorded
@@ -96,10 +97,8 @@ def test_the_last_of_none_is_refused_in_a_sentence(tmp_path: Path, say: Callable
 
 @pytest.mark.parametrize("command", [name for name in COMMANDS if name not in ("run", "emulate")])
 def test_each_command_has_a_page_of_help_with_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    from khepera_hil.__main__ import main
-
     with pytest.raises(SystemExit) as end:
-        main([command, "--help"])
+        outcome([command, "--help"])
     assert end.value.code == 0
     page = capsys.readouterr().out
     assert "example" in page
