@@ -19,6 +19,7 @@ TABLE: dict[str, set[str]] = {
     "khepera_hil.errors": set(),
     "khepera_hil.clock": set(),
     "khepera_hil.chance": {"numpy"},
+    "khepera_hil.faults": {"khepera_hil.errors", "numpy"},
     "khepera_hil.quantiles": set(),
     "khepera_hil.protocol": {"khepera_hil.errors"},
     "khepera_hil.lifecycle": {"statemachine"},
