@@ -199,6 +199,8 @@ class Faults:
             (rule.at, rule) for rule in specification.rules if rule.at is not None
         ]
         self._back = 0.0
+        self.unpluggings = 0
+        """How often the line was unplugged: who has it open has lost it, however soon it is back."""
 
     def to_robot(self, data: bytes, now: float) -> bytes:
         """The host's bytes, as the robot gets them."""
@@ -253,6 +255,7 @@ class Faults:
                 way.hold(at + seconds)
         else:
             self._back = max(self._back, at + seconds)
+            self.unpluggings += 1
             for other in self._ways.values():
                 other.clear()
 

@@ -24,7 +24,8 @@ TABLE: dict[str, set[str]] = {
     "khepera_hil.protocol": {"khepera_hil.errors"},
     "khepera_hil.lifecycle": {"statemachine"},
     # the client's end
-    "khepera_hil.opening": {"khepera_hil.errors", "serial"},
+    "khepera_hil.adapter": {"serial"},
+    "khepera_hil.opening": {"khepera_hil.adapter", "khepera_hil.errors", "serial"},
     "khepera_hil.link": {
         "khepera_hil.opening",
         "khepera_hil.protocol",
@@ -79,7 +80,9 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.world",
     },
     "khepera_hil.ports": {
+        "khepera_hil.chance",
         "khepera_hil.clock",
+        "khepera_hil.faults",
         "khepera_hil.emulator",
         "khepera_hil.errors",
         "khepera_hil.uart",

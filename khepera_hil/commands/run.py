@@ -26,6 +26,7 @@ from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
 from khepera_hil.controllers import PROGRAMS
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
+from khepera_hil.faults import Specification
 from khepera_hil.follower import Follower
 from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link
@@ -65,13 +66,13 @@ def main(arguments: Sequence[str]) -> int:
         return 0
     existing_name("program", asked.program, list(PROGRAMS))
     chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
-    url = port_url(asked.port, asked.world, fast=asked.fast, seed=chosen_seed)
+    url = port_url(asked.port, asked.world, fast=asked.fast, seed=chosen_seed, faults=asked.faults)
     # From here on pyserial knows emulator:// (a module protocol_emulator in our package of handlers).
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
     controller = PROGRAMS[asked.program][1]()
     plan(asked.program, controller.needs, baud=asked.baud, period=asked.period, verify=asked.verify)
-    with closing(open_port(url, asked.baud)) as port:
+    with closing(open_port(url, asked.baud, _remark)) as port:
         clock: Clock = getattr(port, "clock", None) or WallClock()
         witness = getattr(port, "witness", None)
         service = Service(
@@ -155,6 +156,10 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
     return failure
 
 
+def _remark(sentence: str) -> None:
+    print(f"khepera-hil: {sentence}", file=sys.stderr)
+
+
 def _rerun() -> str:
     """How the viewer is called here: it is installed beside the interpreter, which may not be on the PATH."""
     beside = Path(sys.executable).parent / "rerun"
@@ -169,13 +174,13 @@ def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
     return {name: None if value is None else round(1e3 * value, 3) for name, value in found.items()}
 
 
-def port_url(port: str, world: str | None, *, fast: bool, seed: int) -> str:
+def port_url(port: str, world: str | None, *, fast: bool, seed: int, faults: str | None = None) -> str:
     """What pyserial is asked to open. Only the in-process emulator has a world and a simulated clock."""
     for flag, text in (("--port", port), ("--world", world)):
         if text == "":
             raise UsageError(f"{flag} is empty; leave it out for the emulator in its usual arena")
     if port.partition(":")[0].lower() != "emulator":
-        for flag, given in (("--fast", fast), ("--world", world is not None)):
+        for flag, given in (("--fast", fast), ("--world", world is not None), ("--faults", faults is not None)):
             if given:
                 raise UsageError(f"{flag} goes with --port emulator only; {port} is a robot of its own")
         return port
@@ -187,10 +192,13 @@ def port_url(port: str, world: str | None, *, fast: bool, seed: int) -> str:
     if world is not None and named and named != world:
         raise UsageError(f"--port {port} and --world {world} name two different worlds; leave one of them out")
     query = dict(parse_qsl(parts.query, keep_blank_values=True))
-    for key, flag in (("seed", "--seed"), ("clock", "--fast")):
+    for key, flag in (("seed", "--seed"), ("clock", "--fast"), ("faults", "--faults")):
         if key in query:
             raise UsageError(f"{key} does not go into the port's name; say {flag}")
     query |= {"seed": str(seed), "clock": "simulated" if fast else "wall"}
+    if faults is not None:
+        Specification.parse(faults)  # a mistake is told before anything else happens
+        query["faults"] = faults
     return f"emulator://{quote(world) if world else named or DEFAULT_WORLD}?{urlencode(query)}"
 
 
@@ -255,6 +263,11 @@ def _parser() -> Parser:
         "--world",
         metavar="ARENA",
         help=f"of the in-process emulator: a name of --list or a TOML file (default: {DEFAULT_WORLD})",
+    )
+    add(
+        "--faults",
+        metavar="SPEC",
+        help="faults of the line of the in-process emulator, such as flip=1e-3,late=0.01,disconnect@30+5",
     )
     add("--fast", action="store_true", help="simulated time, as quick as the machine can; in-process emulator only")
     add(

@@ -1,8 +1,10 @@
-"""``emulator://ARENA?seed=N&clock=wall|simulated&baud=B``: a pyserial port with an emulated robot behind it.
+"""``emulator://ARENA?seed=N&clock=wall|simulated&baud=B&faults=SPEC``: an emulated robot as a port.
 
 ARENA is an arena's name or the path of a TOML file (``emulator:///home/me/arena.toml``), ``furnished`` when
 there is none; ``seed`` is 0 by default, ``clock`` the wall's, ``baud`` the rate that the port is opened with
-(give another one, and the line is garbled). Each opening switches on a new robot in a new world.
+(give another one, and the line is garbled); ``faults`` are injected into the line (see
+:mod:`khepera_hil.faults`). Each opening switches on a new robot in a new world; but a line that such a fault has
+unplugged is plugged in again by opening the same object anew, and meanwhile the robot went on as robots do.
 
 Everything runs in the caller's thread: the world is moved on when the port is used, as far as the clock
 says; with the simulated clock it is the reading and the sleeping that move the clock.
@@ -10,6 +12,7 @@ says; with the simulated clock it is the reading and the sleeping that move the 
 
 from __future__ import annotations
 
+import errno
 import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -18,9 +21,11 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 import serial
 from serial.serialutil import SerialBase
 
+from khepera_hil import chance
 from khepera_hil.clock import Clock, SimulatedClock, WallClock
 from khepera_hil.emulator import Emulator
 from khepera_hil.errors import UsageError
+from khepera_hil.faults import Faults, Specification
 from khepera_hil.uart import FIFO_16550
 from khepera_hil.world import World
 
@@ -32,7 +37,7 @@ __all__ = ["Serial", "Witness"]
 _DRIVER_BUFFER = 4096
 """Characters that the host's driver takes before ``write`` has to wait, as a Linux terminal does."""
 
-_KEYS = ("seed", "clock", "baud")
+_KEYS = ("seed", "clock", "baud", "faults")
 _CLOCKS: dict[str, type[WallClock] | type[SimulatedClock]] = {"wall": WallClock, "simulated": SimulatedClock}
 
 
@@ -77,6 +82,11 @@ class Serial(SerialBase):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self._emulator: Emulator | None = None
         self._input = bytearray()
+        self.faults: Faults | None = None
+        """What is done to the line, where anything is."""
+        self.unplugged = False
+        """Whether a fault has unplugged the line: opened again, it leads to the same robot."""
+        self._unpluggings = 0
         super().__init__(*args, **kwargs)
 
     def open(self) -> None:
@@ -85,7 +95,18 @@ class Serial(SerialBase):
             raise serial.SerialException("Port is already open.")
         if self.port is None:
             raise serial.SerialException("Port must be configured before it can be used.")
-        arena, seed, make_clock, baud = _parsed(self.port)
+        if self.unplugged and self.faults is not None:
+            if not self.faults.connected(self.clock.now()):
+                raise serial.SerialException(
+                    errno.ENOENT, f"could not open port {self.port}: the line is unplugged"
+                )
+            if self._emulator is not None:
+                self._emulator.transmitted(self.clock.now())  # said to nobody
+            self._input.clear()
+            self._unpluggings = self.faults.unpluggings
+            self.unplugged, self.is_open = False, True
+            return
+        arena, seed, make_clock, baud, faults = _parsed(self.port)
         world = World(arena, seed)
         self._emulator = Emulator(world, baud or self.baudrate, host_baud=self._checked_baudrate(), fifo=FIFO_16550)
         self._input.clear()
@@ -93,14 +114,18 @@ class Serial(SerialBase):
         if isinstance(clock, SimulatedClock):
             clock.on_advance = self._emulator.advance
         self.clock = clock
+        self.faults = None if faults is None else Faults(faults, chance.streams(seed)["line"])
+        self._unpluggings = 0
         self.is_open = True
         self.witness = Witness(world, self._catch_up)
 
     def close(self) -> None:
-        """Let go of the robot; its world stands still from now on."""
+        """Let go of the robot; its world stands still from now on, unless the line was unplugged."""
         if self.is_open:
             self._catch_up()
             self.is_open = False
+            if self.unplugged:
+                return
             if isinstance(self.clock, SimulatedClock):
                 self.clock.on_advance = None
 
@@ -125,7 +150,7 @@ class Serial(SerialBase):
         deadline = math.inf if timeout is None else self.clock.now() + timeout
         now = self._pump(robot)
         while len(self._input) < size and now < deadline:
-            next_event = robot.next_event()
+            next_event = self._next_event(robot)
             if next_event is None and timeout is None:
                 raise serial.SerialException("nothing is on its way, and the port has no timeout")
             self.clock.sleep_until(min(deadline, math.inf if next_event is None else next_event))
@@ -150,7 +175,7 @@ class Serial(SerialBase):
                     raise serial.SerialTimeoutException("Write timeout")
                 self.clock.sleep_until(min(limit, now + over * 11 / self.baudrate))
                 now = self._pump(robot)
-            robot.receive(part, now)
+            robot.receive(part if self.faults is None else self.faults.to_robot(part, now), now)
         return len(data)
 
     def flush(self) -> None:
@@ -178,12 +203,24 @@ class Serial(SerialBase):
     def _pump(self, robot: Emulator) -> float:
         """Take over what has come by now."""
         now = self.clock.now()
-        self._input += robot.transmitted(now)
+        if self.faults is None:
+            self._input += robot.transmitted(now)
+            return now
+        if not self.faults.connected(now) or self.faults.unpluggings != self._unpluggings:
+            self.unplugged = True
+            raise serial.SerialException(errno.EIO, "the line is unplugged")
+        if held_back := self.faults.to_robot(b"", now):
+            robot.receive(held_back, now)
+        self._input += self.faults.to_host(robot.transmitted(now), now)
         return now
+
+    def _next_event(self, robot: Emulator) -> float | None:
+        moments = (robot.next_event(), self.faults.next_event() if self.faults is not None else None)
+        return min((moment for moment in moments if moment is not None), default=None)
 
     def _catch_up(self) -> float:
         now = self.clock.now()
-        if self.is_open and self._emulator is not None:
+        if (self.is_open or self.unplugged) and self._emulator is not None:
             self._emulator.advance(now)
         return now
 
@@ -205,8 +242,10 @@ class Serial(SerialBase):
     def _update_break_state(self) -> None: ...
 
 
-def _parsed(url: str) -> tuple[str, int, Callable[[], WallClock | SimulatedClock], int | None]:
-    """Arena, seed, clock and the robot's rate (None: the port's). Raises UsageError."""
+def _parsed(
+    url: str,
+) -> tuple[str, int, Callable[[], WallClock | SimulatedClock], int | None, Specification | None]:
+    """Arena, seed, clock, the robot's rate (None: the port's) and faults. Raises UsageError."""
     parts = urlsplit(url)
     arena = unquote(parts.netloc + parts.path) or "furnished"
     given: dict[str, str] = {}
@@ -222,6 +261,7 @@ def _parsed(url: str) -> tuple[str, int, Callable[[], WallClock | SimulatedClock
         _whole("seed", given.get("seed", "0")),
         _CLOCKS[clock],
         _whole("baud", given["baud"]) if "baud" in given else None,
+        Specification.parse(given["faults"]) if "faults" in given else None,
     )
 
 
