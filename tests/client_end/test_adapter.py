@@ -40,9 +40,11 @@ def another_program(name: str, *, forks: bool = True) -> Iterator[int]:
 
 
 def test_a_port_that_another_program_reads_from_is_in_use(cable: Cable) -> None:
-    with another_program(cable.name) as pid:
-        with pytest.raises(PortError, match=rf"is in use by another program, pid {pid} \(python.*\): end that"):
-            open_port(cable.name, BAUD)
+    with (
+        another_program(cable.name) as pid,
+        pytest.raises(PortError, match=rf"is in use by another program, pid {pid} \(python.*\): end that"),
+    ):
+        open_port(cable.name, BAUD)
 
 
 def test_who_comes_later_and_takes_bytes_away_is_named(cable: Cable) -> None:
