@@ -159,6 +159,26 @@ class Link:
         self._write(request)
         self._report(request, b"")
 
+    def tool(self, text: str, seconds: float = 1.0) -> str:
+        """Send one of the robot's text commands, such as ``net``; what it prints within so many seconds.
+
+        Such texts have no end mark: they are read until the line is quiet, and nothing in them is checked but that
+        it is no boot text. The next request resynchronises first. Raises RobotReset and LinkLost.
+        """
+        self._raise_reset()
+        self._synchronised = False
+        request = text.encode("ascii") + b"\n"
+        give_up = self.clock.now() + seconds
+        self._write(request)
+        printed = bytearray()
+        chunk = self._read(seconds)  # the first may take its time
+        while chunk and self.clock.now() < give_up:
+            printed += chunk
+            chunk = self._read(2 * QUIET)
+        self._report(request, bytes(printed))
+        self._raise_reset()
+        return printed.decode("ascii", "backslashreplace")
+
     def begin(self) -> None:
         """Begin a session with whoever is there now: as :meth:`resynchronise`, but a boot text is nothing new."""
         self._reset = self._in_session = False

@@ -70,6 +70,15 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.recording",
         "khepera_hil.scheduler",
     },
+    "khepera_hil.checkup": {
+        "khepera_hil.budget",
+        "khepera_hil.errors",
+        "khepera_hil.khepera",
+        "khepera_hil.perception",
+        "khepera_hil.protocol",
+        "khepera_hil.quantiles",
+        "khepera_hil.scheduler",
+    },
     # the robot's end
     "khepera_hil.uart": {"khepera_hil.protocol"},
     "khepera_hil.world": {"khepera_hil.world", "khepera_hil.errors", "khepera_hil.chance", "numpy", "pymunk"},

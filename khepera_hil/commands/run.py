@@ -46,6 +46,7 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal
 
 EPILOG = """\
 commands:
+  khepera-hil check ...     a robot, its line and this computer, before anything moves (see its --help)
   khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program (see its --help)
 
 examples:
