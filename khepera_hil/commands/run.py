@@ -200,7 +200,7 @@ def port_url(port: str, world: str | None, *, fast: bool, seed: int, faults: str
     if faults is not None:
         Specification.parse(faults)  # a mistake is told before anything else happens
         query["faults"] = faults
-    return f"emulator://{quote(world) if world else named or DEFAULT_WORLD}?{urlencode(query)}"
+    return f"emulator://{quote(world) if world else named or DEFAULT_WORLD}?{urlencode(query, quote_via=quote)}"
 
 
 def _world_of(url: str) -> str:

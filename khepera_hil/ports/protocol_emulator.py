@@ -23,6 +23,7 @@ from serial.serialutil import SerialBase
 
 from khepera_hil import chance
 from khepera_hil.clock import Clock, SimulatedClock, WallClock
+from khepera_hil.disturbed import Disturbed
 from khepera_hil.emulator import Emulator
 from khepera_hil.errors import UsageError
 from khepera_hil.faults import Faults, Specification
@@ -86,7 +87,6 @@ class Serial(SerialBase):
         """What is done to the line, where anything is."""
         self.unplugged = False
         """Whether a fault has unplugged the line: opened again, it leads to the same robot."""
-        self._unpluggings = 0
         super().__init__(*args, **kwargs)
 
     def open(self) -> None:
@@ -95,27 +95,27 @@ class Serial(SerialBase):
             raise serial.SerialException("Port is already open.")
         if self.port is None:
             raise serial.SerialException("Port must be configured before it can be used.")
-        if self.unplugged and self.faults is not None:
-            if not self.faults.connected(self.clock.now()):
+        if self.unplugged and isinstance(self._emulator, Disturbed):
+            if not self._emulator.plug_in(self.clock.now()):
                 raise serial.SerialException(
                     errno.ENOENT, f"could not open port {self.port}: the line is unplugged"
                 )
-            if self._emulator is not None:
-                self._emulator.transmitted(self.clock.now())  # said to nobody
             self._input.clear()
-            self._unpluggings = self.faults.unpluggings
             self.unplugged, self.is_open = False, True
             return
         arena, seed, make_clock, baud, faults = _parsed(self.port)
         world = World(arena, seed)
-        self._emulator = Emulator(world, baud or self.baudrate, host_baud=self._checked_baudrate(), fifo=FIFO_16550)
+        line: dict[str, Any] = {"host_baud": self._checked_baudrate(), "fifo": FIFO_16550}
+        if faults is None:
+            self._emulator = Emulator(world, baud or self.baudrate, **line)
+        else:
+            self.faults = Faults(faults, chance.streams(seed)["line"])
+            self._emulator = Disturbed(world, baud or self.baudrate, faults=self.faults, **line)
         self._input.clear()
         clock = make_clock()
         if isinstance(clock, SimulatedClock):
             clock.on_advance = self._emulator.advance
         self.clock = clock
-        self.faults = None if faults is None else Faults(faults, chance.streams(seed)["line"])
-        self._unpluggings = 0
         self.is_open = True
         self.witness = Witness(world, self._catch_up)
 
@@ -150,7 +150,7 @@ class Serial(SerialBase):
         deadline = math.inf if timeout is None else self.clock.now() + timeout
         now = self._pump(robot)
         while len(self._input) < size and now < deadline:
-            next_event = self._next_event(robot)
+            next_event = robot.next_event()
             if next_event is None and timeout is None:
                 raise serial.SerialException("nothing is on its way, and the port has no timeout")
             self.clock.sleep_until(min(deadline, math.inf if next_event is None else next_event))
@@ -175,7 +175,7 @@ class Serial(SerialBase):
                     raise serial.SerialTimeoutException("Write timeout")
                 self.clock.sleep_until(min(limit, now + over * 11 / self.baudrate))
                 now = self._pump(robot)
-            robot.receive(part if self.faults is None else self.faults.to_robot(part, now), now)
+            robot.receive(part, now)
         return len(data)
 
     def flush(self) -> None:
@@ -203,20 +203,11 @@ class Serial(SerialBase):
     def _pump(self, robot: Emulator) -> float:
         """Take over what has come by now."""
         now = self.clock.now()
-        if self.faults is None:
-            self._input += robot.transmitted(now)
-            return now
-        if not self.faults.connected(now) or self.faults.unpluggings != self._unpluggings:
+        if isinstance(robot, Disturbed) and robot.unplugged(now):
             self.unplugged = True
             raise serial.SerialException(errno.EIO, "the line is unplugged")
-        if held_back := self.faults.to_robot(b"", now):
-            robot.receive(held_back, now)
-        self._input += self.faults.to_host(robot.transmitted(now), now)
+        self._input += robot.transmitted(now)
         return now
-
-    def _next_event(self, robot: Emulator) -> float | None:
-        moments = (robot.next_event(), self.faults.next_event() if self.faults is not None else None)
-        return min((moment for moment in moments if moment is not None), default=None)
 
     def _catch_up(self) -> float:
         now = self.clock.now()
@@ -249,7 +240,8 @@ def _parsed(
     parts = urlsplit(url)
     arena = unquote(parts.netloc + parts.path) or "furnished"
     given: dict[str, str] = {}
-    for key, value in parse_qsl(parts.query, keep_blank_values=True):
+    # A plus is a plus here, as in disconnect@30+5, and no blank.
+    for key, value in parse_qsl(parts.query.replace("+", "%2B"), keep_blank_values=True):
         if key not in _KEYS:
             raise UsageError(f"emulator:// knows no {key!r}; there are {', '.join(_KEYS)}")
         given[key] = value
