@@ -20,6 +20,7 @@ from khepera_hil.quantiles import Quantiles
 from khepera_hil.reader import Reader
 from khepera_hil.recording import Answer, Pose, Recording, Tick
 from khepera_hil.scheduler import Beat, beats
+from khepera_hil.transcript import name_of
 
 __all__ = ["GIVE_UP", "HOLD", "Service", "Witness"]
 
@@ -115,6 +116,7 @@ class Service:
             {
                 "key": key,
                 "name": name,
+                "description": " ".join(self._controller.questions[key].names),
                 "variables": variables,
                 "values": values,
                 "main": key == self._controller.decides,
@@ -239,11 +241,8 @@ class Service:
     def _heard(self, request: bytes, answer: bytes) -> None:
         # What came although nobody had asked stands under "?"; it is only ever there when the line was in trouble.
         text = answer.decode("ascii", "backslashreplace").rstrip("\r\n")
-        if asked := request.strip().decode("ascii"):
-            # A letter says enough, but where one has many questions; what is read again in a tick is numbered.
-            name = asked if asked[0] in "IRT" else asked[0]
-            again = sum(known.partition(" ")[0] == name for known in self._raw)
-            self._raw[f"{name} {again + 1}" if again else name] = text
+        if request.strip():
+            self._raw[name_of(request, self._raw)] = text
         elif text:
             self._raw["?"] = (self._raw.get("?", "") + text)[-500:]
 

@@ -6,7 +6,6 @@ import argparse
 import json
 import os
 import secrets
-import shutil
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -36,23 +35,31 @@ from khepera_hil.recording import Recording, Tick
 from khepera_hil.service import Service
 from khepera_hil.terminal import Terminal
 from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
+from khepera_hil.viewer.live import Address, address, open_live
+from khepera_hil.viewer.program import has_screen, program
 from khepera_hil.world import arenas
 
 __all__ = ["main"]
 
 DEFAULT_WORLD = "furnished"
+LOCAL = "127.0.0.1"
 _TERMINAL = "the terminal"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
 
 EPILOG = """\
 commands:
-  khepera-hil check ...     a robot, its line and this computer, before anything moves (see its --help)
-  khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program (see its --help)
+  khepera-hil check         a robot, its line and this computer, before anything moves
+  khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program
+  khepera-hil runs          list recorded runs
+  khepera-hil review RUN    open one in the viewer, or make a picture of it
+  khepera-hil replay RUN    ask its questions again, or ask another program on the same readings
+  khepera-hil compare RUN RUN, explain RUN, export RUN      (each has its --help)
 
 examples:
   khepera-hil --program home --duration 60                    on the emulated robot
   khepera-hil --port /dev/ttyS0 --program avoid               on a robot, until Ctrl-C
   khepera-hil --program home --fast --duration 120 --seed 3   simulated time, repeatable
+  khepera-hil --program avoid --serve                         with a page for browsers to look on
 
 exit codes: 0 ended well (duration, Ctrl-C, SIGTERM)  2 wrong arguments  3 port  4 robot  5 wire too slow
             6 recording  1 anything else
@@ -66,6 +73,7 @@ def main(arguments: Sequence[str]) -> int:
         _list()
         return 0
     existing_name("program", asked.program, list(PROGRAMS))
+    live = _live(asked)
     chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
     url = port_url(asked.port, asked.world, fast=asked.fast, seed=chosen_seed, faults=asked.faults)
     # From here on pyserial knows emulator:// (a module protocol_emulator in our package of handlers).
@@ -86,11 +94,28 @@ def main(arguments: Sequence[str]) -> int:
             witness=witness,
         )
         with _signals(service):
-            _run(asked, chosen_seed, url, service, clock, witness)
+            _run(asked, chosen_seed, url, service, clock, witness, live)
     return 0
 
 
-def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock: Clock, witness: Any) -> None:
+def _live(asked: argparse.Namespace) -> Address | None:
+    """Where viewers of the running loop are served, if they are."""
+    if asked.view and not has_screen():
+        raise UsageError("there is no screen here to open the viewer on; --serve shows the run in a browser")
+    if not (asked.view or asked.serve):
+        return None
+    return address(asked.serve or LOCAL)
+
+
+def _run(
+    asked: argparse.Namespace,
+    seed: int,
+    url: str,
+    service: Service,
+    clock: Clock,
+    witness: Any,
+    live: Address | None,
+) -> None:
     versions = service.connect()
     manifest: dict[str, Any] = {
         "port": asked.port,
@@ -113,6 +138,11 @@ def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock
         viewer: Follower[Tick] = Follower(opening, name=FILE, waits=clock.simulated)
         recording.follow(viewer)
         viewer.wait_until_open()
+        if live is not None:
+            looking = partial(open_live, recording.manifest, live, page=bool(asked.serve), window=asked.view)
+            recording.follow(Follower(looking, name="the live view", waits=False))
+            if asked.serve:
+                print(f"look on at {live.page} or by: {_rerun()} {live.stream}")
         if sys.stdout is not None:  # nobody looks where it was closed
             sys.stdout.flush()
             recording.follow(Follower(Terminal(sys.stdout, asked.program), name=_TERMINAL, waits=False))
@@ -150,7 +180,7 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
     print(f"stopped ({ending['stop']}) after {ending['ticks']} ticks, {ending['missed']} deadlines missed")
     if ending["score"]:
         print("score: " + ", ".join(f"{name} {value}" for name, value in ending["score"].items()))
-    print(f"recorded in {recording.folder}; to look at it: {_rerun()} {recording.folder / FILE}")
+    print(f"recorded in {recording.folder}; to look at it: khepera-hil review {recording.folder}")
     if as_json:
         about = {name: recording.manifest[name] for name in ("program", "seed")}
         print(json.dumps({"run": str(recording.folder), **about, **ending}))
@@ -163,10 +193,8 @@ def _remark(sentence: str) -> None:
 
 def _rerun() -> str:
     """How the viewer is called here: it is installed beside the interpreter, which may not be on the PATH."""
-    beside = Path(sys.executable).parent / "rerun"
-    if shutil.which("rerun") is None and beside.exists():
-        return os.path.relpath(beside) if beside.is_relative_to(Path.cwd()) else str(beside)
-    return "rerun"
+    path = Path(program())
+    return os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path)
 
 
 def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
@@ -277,6 +305,14 @@ def _parser() -> Parser:
         help="read the sensors twice, and hold them to what the robot can have moved: for a line that loses bytes",
     )
     add("--runs", type=Path, default=Path("runs"), metavar="DIR", help="where recordings go (default: %(default)s)")
+    add("--view", action="store_true", help="open the viewer on the running loop")
+    add(
+        "--serve",
+        nargs="?",
+        const=LOCAL,
+        metavar="ADDRESS",
+        help="serve the running loop to browsers and viewers, at HOST or HOST:PORT (default: %(const)s)",
+    )
     add("--json", action="store_true", help="the last line on standard output is the result as one JSON object")
     add("--list", action="store_true", help="list programs and arenas, and end")
     return parser

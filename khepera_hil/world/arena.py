@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import math
-import tomllib
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib.resources import files
-from pathlib import Path
-from typing import Any
 
-from khepera_hil.errors import WorldError
-from khepera_hil.world.shapes import Kind, Shape, box, disc
+from khepera_hil.world.shapes import Shape
+from khepera_hil.world.tables import Range, Table, read_table, shipped
+from khepera_hil.world.things import read_thing
 
 __all__ = ["Arena", "Base", "LampPlan", "Scatter", "Start", "arenas", "load_arena"]
-
-Range = tuple[float, float]
 
 _CORNERS = {"south-west": (0, 0), "south-east": (1, 0), "north-east": (1, 1), "north-west": (0, 1)}
 
@@ -104,9 +98,7 @@ class Arena:
 
 def arenas() -> dict[str, str]:
     """The arenas that come with the package: name and one line about each."""
-    shipped = sorted(entry.name for entry in files(__package__).joinpath("worlds").iterdir())
-    names = [name.removesuffix(".toml") for name in shipped if name.endswith(".toml")]
-    return {name: load_arena(name).title for name in names}
+    return {name: load_arena(name).title for name in shipped("worlds")}
 
 
 def load_arena(name: str) -> Arena:
@@ -114,123 +106,10 @@ def load_arena(name: str) -> Arena:
 
     Raises :class:`~khepera_hil.errors.WorldError`.
     """
-    if "/" in name or name.endswith(".toml"):
-        where, label = Path(name), Path(name).stem
-        try:
-            text = where.read_text("utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "it is no UTF-8 text"
-            raise WorldError(f"the arena {name} cannot be read: {reason}") from None
-    else:
-        source, label = files(__package__).joinpath("worlds", f"{name}.toml"), name
-        if not name.replace("-", "").replace("_", "").isalnum() or not source.is_file():
-            raise WorldError(
-                f"there is no arena {name!r}; there are {', '.join(arenas())}, or give the path of a TOML file"
-            )
-        text = source.read_text("utf-8")
-        name = f"{name}.toml"
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise WorldError(f"{name} is no TOML: {error}") from None
-    return _arena(label, _Table(name, "", table))
+    return _arena(*read_table("arena", "worlds", name))
 
 
-class _Table:
-    """One table of a file: every key is asked for once, and what nobody asked for is a mistake."""
-
-    def __init__(self, file: str, path: str, values: dict[str, Any]) -> None:
-        self._file = file
-        self._path = path
-        self._values = dict(values)
-        self._known: list[str] = []
-
-    def take(self, key: str, expected: str, accept: Callable[[Any], Any], default: Any = ...) -> Any:
-        """The value of ``key`` as ``accept`` makes it; it raises ValueError or TypeError for what is wrong."""
-        self._known.append(key)
-        if key not in self._values:
-            if default is ...:
-                raise self.wrong(key, f"is missing; expected {expected}")
-            return default
-        value = self._values.pop(key)
-        try:
-            return accept(value)
-        except (TypeError, ValueError, KeyError):
-            raise self.wrong(key, f"must be {expected}, not {value!r}") from None
-
-    def wrong(self, key: str, what: str) -> WorldError:
-        return WorldError(f"{self._file}: {self._path}{key} {what}")
-
-    def number(self, key: str, low: float, high: float, default: Any = ...) -> float:
-        return float(self.take(key, f"a number from {low:g} to {high:g}", lambda v: _number(v, low, high), default))
-
-    def numbers(self, key: str, count: int | None, low: float, high: float, default: Any = ...) -> Any:
-        many = "a list of" if count is None else f"a list of {count}"
-        expected = f"{many} numbers from {low:g} to {high:g}"
-
-        def accept(value: Any) -> tuple[float, ...]:
-            if not isinstance(value, list) or not value or (count is not None and len(value) != count):
-                raise ValueError
-            return tuple(_number(item, low, high) for item in value)
-
-        return self.take(key, expected, accept, default)
-
-    def range(self, key: str, low: float, high: float, default: Any = ...) -> Any:
-        def accept(value: Any) -> Range:
-            if not isinstance(value, list):
-                value = [value, value]
-            first, last = (_number(item, low, high) for item in value)
-            if first > last:
-                raise ValueError
-            return first, last
-
-        return self.take(key, f"a number or [least, most] from {low:g} to {high:g}", accept, default)
-
-    def count(self, key: str, high: int, default: Any = ...) -> Any:
-        least, most = self.range(key, 0, high, default)
-        if least != int(least) or most != int(most):
-            raise self.wrong(key, f"must be whole numbers, not {[least, most]}")
-        return int(least), int(most)
-
-    def text(self, key: str, default: Any = ...) -> str:
-        def accept(value: Any) -> str:
-            if not isinstance(value, str) or not value.strip() or "\n" in value:
-                raise ValueError
-            return value.strip()
-
-        return str(self.take(key, "one line of text", accept, default))
-
-    def table(self, key: str) -> _Table | None:
-        def accept(value: Any) -> _Table:
-            if not isinstance(value, dict):
-                raise TypeError
-            return _Table(self._file, f"{self._path}{key}.", value)
-
-        table: _Table | None = self.take(key, "a table", accept, None)
-        return table
-
-    def tables(self, key: str) -> list[_Table]:
-        def accept(value: Any) -> list[_Table]:
-            if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-                raise TypeError
-            return [_Table(self._file, f"{key}[{place}].", item) for place, item in enumerate(value)]
-
-        found: list[_Table] = self.take(key, f"tables, each written [[{key}]]", accept, [])
-        return found
-
-    def end(self) -> None:
-        """Raises when something is left."""
-        for key in self._values:
-            raise self.wrong(key, f"is not known here; expected one of {', '.join(self._known)}")
-
-
-def _number(value: Any, low: float, high: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
-        raise ValueError
-    return float(value)
-
-
-def _arena(name: str, table: _Table) -> Arena:
+def _arena(name: str, table: Table) -> Arena:
     width, depth = table.numbers("size_mm", 2, 200, 5000, (1000.0, 1000.0))
     arena = Arena(
         name=name,
@@ -248,7 +127,7 @@ def _arena(name: str, table: _Table) -> Arena:
     return arena
 
 
-def _base(table: _Table | None, room: float) -> Base | None:
+def _base(table: Table | None, room: float) -> Base | None:
     if table is None:
         return None
     side = table.number("side_mm", 60, room)
@@ -265,7 +144,7 @@ def _base(table: _Table | None, room: float) -> Base | None:
     return base
 
 
-def _lamp(table: _Table, width: float, depth: float) -> LampPlan:
+def _lamp(table: Table, width: float, depth: float) -> LampPlan:
     lamp = LampPlan(
         name=table.text("name"),
         at=table.numbers("at_mm", 2, 0, max(width, depth)),
@@ -277,10 +156,13 @@ def _lamp(table: _Table, width: float, depth: float) -> LampPlan:
     return lamp
 
 
-def _things(table: _Table, width: float, depth: float) -> tuple[Shape, ...]:
+def _things(table: Table, width: float, depth: float) -> tuple[Shape, ...]:
     things: list[Shape] = []
+    floor = max(width, depth)
     for key, kind in (("wall", "fixed"), ("block", "block"), ("disc", "disc")):
-        things += [_thing(item, kind, width, depth) for item in table.tables(key)]  # type: ignore[arg-type] # literals
+        for item in table.tables(key):
+            things.append(read_thing(item, kind, floor))  # type: ignore[arg-type] # literals
+            item.end()
     names = [thing.name for thing in things]
     for name in names:
         if names.count(name) > 1:
@@ -288,26 +170,7 @@ def _things(table: _Table, width: float, depth: float) -> tuple[Shape, ...]:
     return tuple(things)
 
 
-def _thing(table: _Table, kind: Kind, width: float, depth: float) -> Shape:
-    name = table.text("name")
-    x, y = table.numbers("at_mm", 2, 0, max(width, depth))
-    angle = math.radians(table.number("angle_deg", -360, 360, 0.0))
-    height = table.number("height_mm", 1, 1000)
-    more = {"reflectance": table.number("reflectance", 0, 1.5, 1.0)}
-    if kind != "fixed":
-        more["mass"] = table.number("mass_g", 1, 10_000)
-        more["floor_friction"] = table.number("floor_friction", 0, 2, 0.35)
-    if kind == "disc":
-        radius = table.number("radius_mm", 5, 500)
-        shape = disc(name, kind, radius, (x, y, angle), height, **more)
-    else:
-        long, wide = table.numbers("size_mm", 2, 5, 2000)
-        shape = box(name, kind, long, wide, (x, y, angle), height, **more)
-    table.end()
-    return shape
-
-
-def _scatter(table: _Table | None) -> Scatter | None:
+def _scatter(table: Table | None) -> Scatter | None:
     if table is None:
         return None
     scatter = Scatter(
@@ -328,7 +191,7 @@ def _scatter(table: _Table | None) -> Scatter | None:
     return scatter
 
 
-def _start(table: _Table | None, width: float, depth: float) -> Start:
+def _start(table: Table | None, width: float, depth: float) -> Start:
     if table is None:
         return Start()
     at = table.numbers("at_mm", 2, 0, max(width, depth), None)

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
 import pymunk
 
 from khepera_hil.world.sensors import BODY_RADIUS
-from khepera_hil.world.shapes import Pose, Shape
+from khepera_hil.world.shapes import Pose, Shape, turned
 
 __all__ = ["Physics"]
 
@@ -50,9 +51,9 @@ class Physics:
         self._bodies: list[pymunk.Body] = []
         for shape in shapes:
             body = self._add_body(shape) if shape.movable else space.static_body
-            solid = self._outline(shape, body)
-            solid.collision_type = _BASE if shape.name in base_walls else _COUNTED
-            space.add(solid)
+            for solid in self._outlines(shape, body):
+                solid.collision_type = _BASE if shape.name in base_walls else _COUNTED
+                space.add(solid)
         self._robot = pymunk.Body(_ROBOT_MASS, 0.5 * _ROBOT_MASS * BODY_RADIUS**2)
         self._robot.position, self._robot.angle = start[:2], start[2]
         circle = pymunk.Circle(self._robot, BODY_RADIUS)
@@ -77,7 +78,11 @@ class Physics:
 
     def _add_body(self, shape: Shape) -> pymunk.Body:
         if shape.corners:
-            moment = pymunk.moment_for_poly(shape.mass, list(shape.corners))
+            area = sum(abs(pymunk.area_for_poly(part)) for part in shape.convex)
+            moment = sum(
+                pymunk.moment_for_poly(shape.mass * abs(pymunk.area_for_poly(part)) / area, list(part))
+                for part in shape.convex
+            )
         else:
             moment = pymunk.moment_for_circle(shape.mass, 0, shape.radius)
         body = pymunk.Body(shape.mass, moment)
@@ -96,16 +101,18 @@ class Physics:
         pivot.max_force, gear.max_force = force, torque
         self._space.add(pivot, gear)
 
-    def _outline(self, shape: Shape, body: pymunk.Body) -> pymunk.Shape:
-        solid: pymunk.Shape
-        if shape.movable:
-            solid = pymunk.Poly(body, shape.corners) if shape.corners else pymunk.Circle(body, shape.radius)
-        elif shape.corners:
-            solid = pymunk.Poly(body, [tuple(point) for point in shape.points().tolist()])
+    def _outlines(self, shape: Shape, body: pymunk.Body) -> list[pymunk.Shape]:
+        solids: list[pymunk.Shape]
+        if not shape.corners:
+            solids = [pymunk.Circle(body, shape.radius, (0, 0) if shape.movable else shape.pose[:2])]
+        elif shape.movable:
+            solids = [pymunk.Poly(body, part) for part in shape.convex]
         else:
-            solid = pymunk.Circle(body, shape.radius, shape.pose[:2])
-        solid.friction, solid.elasticity = _CONTACT_FRICTION, _CONTACT_ELASTICITY
-        return solid
+            placed = [turned(np.array(part), shape.pose) for part in shape.convex]
+            solids = [pymunk.Poly(body, [tuple(point) for point in part.tolist()]) for part in placed]
+        for solid in solids:
+            solid.friction, solid.elasticity = _CONTACT_FRICTION, _CONTACT_ELASTICITY
+        return solids
 
     def advance(self, step: float, ahead: float, turn: float) -> Pose:
         """One step of ``step`` seconds while the wheels want ``ahead`` mm/s and ``turn`` rad/s."""

@@ -8,16 +8,19 @@ only by :meth:`World.advance`.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from khepera_hil.chance import streams
+from khepera_hil.motion import Motion
 from khepera_hil.world.arena import Arena, load_arena
+from khepera_hil.world.battery import Battery
 from khepera_hil.world.furnish import Layout, furnish
 from khepera_hil.world.noise import FrameNoise
 from khepera_hil.world.physics import Physics
+from khepera_hil.world.scenario import Agenda, Event, Scenario, load_scenario
 from khepera_hil.world.scene import Scene
 from khepera_hil.world.score import Score
 from khepera_hil.world.sensors import BODY_RADIUS, GAIN_SPREAD, Sensors
@@ -27,6 +30,7 @@ from khepera_hil.world.wheels import WHEEL_BASE, Wheels
 __all__ = ["STEP", "World"]
 
 Array = NDArray[np.float64]
+E = TypeVar("E", bound=Event)
 
 STEP = 0.005
 """Seconds of one step of physics."""
@@ -35,6 +39,7 @@ _STEPS_A_FRAME = 4
 """Every 20 ms all eight sensors are measured anew (Khepera User Manual 5.02, section 3.1.6); the values stand
 until the next time."""
 
+_CAMERA_PERIOD = 0.2  # s, when nobody has set one
 _ROBOT_HEIGHT = 29.0  # mm (paper, section 4.1)
 _MOUNTING = math.radians(3.0)  # standard deviation (proposed)
 _WHEEL_BIAS = 0.01  # standard deviation (proposed)
@@ -50,8 +55,20 @@ class World:
     :class:`~khepera_hil.errors.WorldError`.
     """
 
-    def __init__(self, arena: Arena | str = "furnished", seed: int = 0) -> None:
+    def __init__(
+        self,
+        arena: Arena | str = "furnished",
+        seed: int = 0,
+        scenario: Scenario | str | None = None,
+        *,
+        compression: float = 1.0,
+    ) -> None:
         self.arena = load_arena(arena) if isinstance(arena, str) else arena
+        self.scenario = load_scenario(scenario) if isinstance(scenario, str) else scenario
+        self._agenda = Agenda(() if self.scenario is None else self.scenario.events)
+        self.battery = Battery(compression)
+        self._camera_period = _CAMERA_PERIOD
+        self._alarms = 0
         owners = streams(seed)
         furniture, proximity, light, slip = owners["world"].spawn(4)
         robot = np.random.default_rng(owners["robot"])
@@ -94,6 +111,11 @@ class World:
                 self._scan_pose = pose
                 self._scan_poses = self._physics.movables()
 
+    @property
+    def motion(self) -> Motion:
+        """The robot's motion controllers, which the world runs every 10 ms and which keep their last order."""
+        return self._wheels.motion
+
     def set_speed(self, left: float, right: float) -> None:
         """What the wheels are to do from the next step on, mm/s."""
         self._wheels.asked = (left, right)
@@ -129,6 +151,35 @@ class World:
             values = np.clip(np.rint(clean + _LIGHT_NOISE * normal), 0, 511)
             self._read_light = (frame, values.astype(int).tolist())
         return self._read_light[1]
+
+    def camera(self) -> list[int]:
+        """The 64 grey levels (0..255) of the frame that the camera holds, the left edge first."""
+        return [0] * 64
+
+    def camera_light(self) -> int:
+        """The light level by which the camera sets its exposure, 0..65535; more is darker."""
+        return 0
+
+    def set_camera_period(self, seconds: float) -> None:
+        """How long the camera holds a frame; 0: its own choice. The first new frame is taken now."""
+        self._camera_period = seconds or _CAMERA_PERIOD
+
+    def set_turbine(self, on: bool) -> None:
+        """The micro-turbine on the general I/O turret."""
+        self.battery.turbine = on
+
+    def heard_alarm(self) -> None:
+        """The watchman sounded its alarm now; for the score."""
+        self._alarms += 1
+
+    def due(self, *kinds: type[E]) -> list[E]:
+        """Events of the scenario that concern others, each once when its moment has come: orders, link faults,
+        resets (:class:`Order`, :class:`LinkFault`, :class:`Reset`)."""
+        return self._agenda.due(self._steps * STEP, *kinds)
+
+    def next_due(self, *kinds: type[Event]) -> float | None:
+        """When the next event of these kinds is due, seconds since power-up."""
+        return self._agenda.next(*kinds)
 
     def pose(self) -> Pose:
         """The robot's true pose: metres, and radians counter-clockwise from the x axis, not wrapped."""
