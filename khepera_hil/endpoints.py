@@ -154,21 +154,25 @@ class _TcpPort:
         return [one.fileno() for one in open_]
 
     def read(self, ready: Collection[int]) -> bytes:
-        data: bytes | None = b""
+        data = b""
         if self._client is not None and self._client.fileno() in ready:
-            data = _received(self._client)
-            if data is None:
+            try:
+                data = self._client.recv(_AT_ONCE)
+                self._ended = not data
+            except BlockingIOError:
+                pass
+            except OSError:
                 self._drop()
-            elif not data:
-                self._ended = True
         for refused in [one for one in self._refused if one.fileno() in ready]:
-            if not _received(refused):
-                self._refused.remove(refused)
-                refused.close()
+            with contextlib.suppress(OSError):
+                if refused.recv(_AT_ONCE):
+                    continue  # it talks before it reads
+            self._refused.remove(refused)
+            refused.close()
         # Last, so that a client who came when the one before had gone finds the place free.
         if self._listener.fileno() in ready:
             self._accept()
-        return data or b""
+        return data
 
     def send(self, data: bytes) -> None:
         while data and self._client is not None:
@@ -220,14 +224,6 @@ class _TcpPort:
         if self._client is not None:
             self._client.close()
         self._client, self._ended = None, False
-
-
-def _received(client: socket.socket) -> bytes | None:
-    """What a client has sent; nothing when it has ended its sending, None when it is gone."""
-    try:
-        return client.recv(_AT_ONCE)
-    except OSError:
-        return None
 
 
 def _alive(client: socket.socket) -> bool:

@@ -130,7 +130,7 @@ def parse_turret_answer(turret: int, letter: str, text: str) -> tuple[int, ...]:
 
 
 def longest_turret_answer(turret: int, text: str) -> int | None:
-    """Characters of the longest answer to ``T,turret,text``, CR LF included; None for a command that is not known."""
+    """Characters of the longest answer to ``T,turret,text``, CR LF included; None for a command nobody knows."""
     try:
         return len(f"t,{turret},") + _command(turret, text[:1]).longest_answer
     except ProtocolError:

@@ -126,6 +126,7 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.faults",
         "khepera_hil.emulator",
         "khepera_hil.errors",
+        "khepera_hil.rom",
         "khepera_hil.uart",
         "khepera_hil.world",
         "serial",

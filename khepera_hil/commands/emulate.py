@@ -14,19 +14,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from khepera_hil.commands.parser import Parser, baud, existing_name, seed
+from khepera_hil.commands.parser import Parser, baud, seed
 from khepera_hil.diary import Diary
 from khepera_hil.emulator import Emulator
 from khepera_hil.endpoints import LOOPBACK, pseudo_terminal, tcp_port
 from khepera_hil.errors import RecordingError, UsageError
 from khepera_hil.follower import Follower
 from khepera_hil.onlooker import Onlooker, shown
-from khepera_hil.rom import DEFAULT_FITTINGS, FITTINGS, MODELS, model_for
+from khepera_hil.rom import DEFAULT_FITTINGS, FITTINGS, MODELS, model_for, turrets
 from khepera_hil.serve import serve
 from khepera_hil.uart import FIFO_16550
 from khepera_hil.viewer.live import address, open_live
 from khepera_hil.viewer.program import has_screen
-from khepera_hil.world import World
+from khepera_hil.world import World, load_scenario
 
 __all__ = ["main"]
 
@@ -54,7 +54,9 @@ def main(arguments: Sequence[str]) -> int:
             "there is no screen here to open the viewer on; leave --view out (--log tells the truth too)"
         )
     chosen = secrets.randbits(32) if asked.seed is None else asked.seed
-    world = World(asked.world, chosen, asked.scenario)
+    scenario = None if asked.scenario is None else load_scenario(asked.scenario)
+    arena = asked.world or (scenario.world if scenario is not None else None) or "furnished"
+    world = World(arena, chosen, scenario)
     with ExitStack() as stack:
         endpoint = stack.enter_context(
             pseudo_terminal(asked.pty, asked.baud) if asked.tcp is None else tcp_port(*asked.tcp)
@@ -64,7 +66,7 @@ def main(arguments: Sequence[str]) -> int:
             "turrets": list(asked.turrets),
             "name": endpoint.name,
             "baud": asked.baud,
-            "arena": asked.world,
+            "arena": arena,
             "scenario": asked.scenario,
             "seed": chosen,
             "started": datetime.now().isoformat(timespec="seconds"),
@@ -88,7 +90,7 @@ def main(arguments: Sequence[str]) -> int:
         where = endpoint.name if endpoint.device in endpoint.name else f"{endpoint.name} -> {endpoint.device}"
         events = "" if asked.scenario is None else f" with {asked.scenario}"
         print(
-            f"{where}: {model.title} at {asked.baud} baud in {asked.world}{events}, seed {chosen}; Ctrl-C ends it",
+            f"{where}: {model.title} at {asked.baud} baud in {arena}{events}, seed {chosen}; Ctrl-C ends it",
             flush=True,
         )
 
@@ -150,7 +152,11 @@ def _parser() -> Parser:
         help=f"where clients connect; :PORT is {LOOPBACK}, port 0 any that is free",
     )
     add = parser.add_argument
-    add("--world", default="furnished", metavar="ARENA", help="a name of khepera-hil --list, or a TOML file")
+    add(
+        "--world",
+        metavar="ARENA",
+        help="a name of khepera-hil --list, or a TOML file (default: the scenario's, or furnished)",
+    )
     add("--scenario", metavar="SCENARIO", help="what happens in it: a name of khepera-hil --list, or a TOML file")
     add("--robot", choices=tuple(MODELS), help="default: khepera, or khepera2 at a rate that only this one has")
     add("--baud", type=baud, default=38400, help="the rate of the robot's mode (default: %(default)s)")
@@ -181,10 +187,7 @@ def _address(text: str) -> tuple[str, int]:
 
 def _turrets(text: str) -> tuple[str, ...]:
     """A type for argparse: names with commas between them, or none."""
-    names = tuple(name.strip() for name in text.split(",")) if text.strip() != "none" else ()
     try:
-        for name in names:
-            existing_name("turret", name, FITTINGS)
+        return turrets(text)
     except UsageError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
-    return tuple(dict.fromkeys(names))

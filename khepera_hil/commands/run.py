@@ -37,7 +37,7 @@ from khepera_hil.terminal import Terminal
 from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
 from khepera_hil.viewer.live import Address, address, open_live
 from khepera_hil.viewer.program import has_screen, program
-from khepera_hil.world import arenas
+from khepera_hil.world import arenas, load_scenario, scenarios
 
 __all__ = ["main"]
 
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str]) -> int:
     existing_name("program", asked.program, list(PROGRAMS))
     live = _live(asked)
     chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
-    url = port_url(asked.port, asked.world, fast=asked.fast, seed=chosen_seed, faults=asked.faults)
+    url = port_url(asked.port, asked.world, asked.scenario, fast=asked.fast, seed=chosen_seed, faults=asked.faults)
     # From here on pyserial knows emulator:// (a module protocol_emulator in our package of handlers).
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
@@ -126,7 +126,7 @@ def _run(
         **service.program(),
         "world": None
         if witness is None
-        else {"name": _world_of(url), "size": witness.size(), "shapes": witness.shapes()},
+        else {**_world_of(url), "size": witness.size(), "shapes": witness.shapes()},
     }
     recording = Recording.create(
         asked.runs, program=asked.program, seed=seed, manifest=manifest, started=datetime.now()
@@ -203,13 +203,22 @@ def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
     return {name: None if value is None else round(1e3 * value, 3) for name, value in found.items()}
 
 
-def port_url(port: str, world: str | None, *, fast: bool, seed: int, faults: str | None = None) -> str:
-    """What pyserial is asked to open. Only the in-process emulator has a world and a simulated clock."""
-    for flag, text in (("--port", port), ("--world", world)):
+def port_url(
+    port: str,
+    world: str | None,
+    scenario: str | None = None,
+    *,
+    fast: bool,
+    seed: int,
+    faults: str | None = None,
+) -> str:
+    """What pyserial is asked to open. Only the in-process emulator has worlds, scenarios and a simulated clock."""
+    for flag, text in (("--port", port), ("--world", world), ("--scenario", scenario)):
         if text == "":
             raise UsageError(f"{flag} is empty; leave it out for the emulator in its usual arena")
     if port.partition(":")[0].lower() != "emulator":
-        for flag, given in (("--fast", fast), ("--world", world is not None), ("--faults", faults is not None)):
+        asked = {"--world": world, "--scenario": scenario, "--faults": faults, "--fast": fast or None}
+        for flag, given in ((flag, value is not None) for flag, value in asked.items()):
             if given:
                 raise UsageError(f"{flag} goes with --port emulator only; {port} is a robot of its own")
         return port
@@ -217,23 +226,31 @@ def port_url(port: str, world: str | None, *, fast: bool, seed: int, faults: str
         parts = urlsplit(port if ":" in port else "emulator://")
     except ValueError:
         raise UsageError(f"--port {port} is no name of an emulator; write emulator://ARENA") from None
-    named = parts.netloc + parts.path
+    named = unquote(parts.netloc + parts.path)
     if world is not None and named and named != world:
         raise UsageError(f"--port {port} and --world {world} name two different worlds; leave one of them out")
     query = dict(parse_qsl(parts.query, keep_blank_values=True))
     for key, flag in (("seed", "--seed"), ("clock", "--fast"), ("faults", "--faults")):
         if key in query:
             raise UsageError(f"{key} does not go into the port's name; say {flag}")
+    if scenario is not None and query.setdefault("scenario", scenario) != scenario:
+        raise UsageError(
+            f"--port {port} and --scenario {scenario} name two different scenarios; leave one of them out"
+        )
+    if not (where := world or named) and "scenario" in query:
+        where = load_scenario(query["scenario"]).world or ""
     query |= {"seed": str(seed), "clock": "simulated" if fast else "wall"}
     if faults is not None:
         Specification.parse(faults)  # a mistake is told before anything else happens
         query["faults"] = faults
-    return f"emulator://{quote(world) if world else named or DEFAULT_WORLD}?{urlencode(query, quote_via=quote)}"
+    return f"emulator://{quote(where or DEFAULT_WORLD)}?{urlencode(query, quote_via=quote)}"
 
 
-def _world_of(url: str) -> str:
+def _world_of(url: str) -> dict[str, str | None]:
+    """Name and scenario of the world that a URL is about."""
     parts = urlsplit(url)
-    return unquote(parts.netloc + parts.path)
+    query = dict(parse_qsl(parts.query))
+    return {"name": unquote(parts.netloc + parts.path), "scenario": query.get("scenario")}
 
 
 @contextmanager
@@ -260,10 +277,13 @@ def _signals(service: Service) -> Iterator[None]:
 def _list() -> None:
     print("programs (--program):")
     for name, (does, _) in PROGRAMS.items():
-        print(f"  {name:12} {does}")
+        print(f"  {name:13} {does}")
     print("arenas of the emulator (--world):")
     for name, looks in arenas().items():
-        print(f"  {name:12} {looks}")
+        print(f"  {name:13} {looks}")
+    print("scenarios of the emulator (--scenario):")
+    for name, happens in scenarios().items():
+        print(f"  {name:13} {happens}")
 
 
 def _parser() -> Parser:
@@ -291,7 +311,13 @@ def _parser() -> Parser:
     add(
         "--world",
         metavar="ARENA",
-        help=f"of the in-process emulator: a name of --list or a TOML file (default: {DEFAULT_WORLD})",
+        help=f"of the in-process emulator: a name of --list or a TOML file (default: {DEFAULT_WORLD}, "
+        "or what the scenario was made for)",
+    )
+    add(
+        "--scenario",
+        metavar="NAME",
+        help="what happens in the world of the in-process emulator: a name of --list or a TOML file",
     )
     add(
         "--faults",
@@ -314,5 +340,5 @@ def _parser() -> Parser:
         help="serve the running loop to browsers and viewers, at HOST or HOST:PORT (default: %(const)s)",
     )
     add("--json", action="store_true", help="the last line on standard output is the result as one JSON object")
-    add("--list", action="store_true", help="list programs and arenas, and end")
+    add("--list", action="store_true", help="list programs, arenas and scenarios, and end")
     return parser

@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+import re
+from dataclasses import dataclass, field, replace
 
-from khepera_hil.world.shapes import Shape
+from khepera_hil.world.shapes import BODY_RADIUS, Kind, Pose, Shape, box, disc, overlap
 from khepera_hil.world.tables import Range, Table, read_table, shipped
-from khepera_hil.world.things import read_thing
+from khepera_hil.world.things import read_body, read_pose, read_thing
 
-__all__ = ["Arena", "Base", "LampPlan", "Scatter", "Start", "arenas", "load_arena"]
+__all__ = [
+    "Arena",
+    "Base",
+    "LampPlan",
+    "Scatter",
+    "Start",
+    "arena_walls",
+    "arenas",
+    "base_walls",
+    "load_arena",
+]
+
+RESERVED = ("robot", "base")
+"""Names that no thing may have."""
+
+_WALL = 20.0  # mm, thickness of the arena's walls, outside the floor
+_SCATTERED = re.compile(r"(wall|block|disc) \d+")
 
 _CORNERS = {"south-west": (0, 0), "south-east": (1, 0), "north-east": (1, 1), "north-west": (0, 1)}
 
@@ -60,6 +77,7 @@ class Scatter:
     discs: tuple[int, int]
     disc_radius: Range
     masses: tuple[float, ...]
+    stripes: Range | None = None
 
 
 @dataclass(frozen=True)
@@ -73,16 +91,25 @@ class Start:
 
 @dataclass(frozen=True)
 class Arena:
-    """What a file says; lengths in mm. Its origin is the lower left corner of the floor."""
+    """What a file says; lengths in mm. Its origin is the lower left corner of the floor.
+
+    ``wall_stripes`` are the least and the greatest width of the walls' black and white stripes, ``room_light`` what
+    the light of the room takes from the sensors' dark, in counts. Things whose names are in ``shelved`` are not on
+    the floor until somebody puts them there, by default on the ``stage``.
+    """
 
     name: str
     title: str
     size: tuple[float, float] = (1000.0, 1000.0)
     wall_height: float = 100.0
     wall_reflectance: float = 1.0
+    wall_stripes: Range | None = (10.0, 20.0)
+    room_light: float = 0.0
     base: Base | None = None
     lamps: tuple[LampPlan, ...] = ()
     things: tuple[Shape, ...] = ()
+    shelved: frozenset[str] = frozenset()
+    stage: tuple[float, float] | None = None
     scatter: Scatter | None = None
     start: Start = field(default_factory=Start)
 
@@ -110,21 +137,56 @@ def load_arena(name: str) -> Arena:
 
 
 def _arena(name: str, table: Table) -> Arena:
+    title = table.text("title")
     width, depth = table.numbers("size_mm", 2, 200, 5000, (1000.0, 1000.0))
+    things, shelved = _things(table, width, depth)
     arena = Arena(
         name=name,
-        title=table.text("title"),
+        title=title,
         size=(width, depth),
         wall_height=table.number("wall_height_mm", 0, 1000, 100.0),
         wall_reflectance=table.number("wall_reflectance", 0, 1.5, 1.0),
+        wall_stripes=table.range("wall_stripes_mm", 2, 500, (10.0, 20.0)),
+        room_light=table.number("room_light", 0, 30, 0.0),
         base=_base(table.table("base"), min(width, depth)),
         lamps=tuple(_lamp(lamp, width, depth) for lamp in table.tables("lamp")),
-        things=_things(table, width, depth),
+        things=tuple(thing for thing, _ in things),
+        shelved=shelved,
+        stage=_stage(table.table("stage"), width, depth),
         scatter=_scatter(table.table("scatter")),
-        start=_start(table.table("start"), width, depth),
     )
+    arena = replace(arena, start=_start(table.table("start"), arena))
     table.end()
+    _check(arena, things, table)
     return arena
+
+
+def _check(arena: Arena, things: list[tuple[Shape, Table]], whole: Table) -> None:
+    """Names and places of what the file puts on the floor, against each other and the base's walls."""
+    standing: list[Shape] = base_walls(arena)
+    names = {*RESERVED, *(wall.name for wall in arena_walls(arena) + standing)}
+    for lamp in arena.lamps:
+        if lamp.name in names:
+            raise whole.wrong("lamp.name", f"must be new; there is a {lamp.name!r} already")
+        names.add(lamp.name)
+    for thing, table in things:
+        if thing.name in names:
+            raise table.wrong("name", f"must be new; there is a {thing.name!r} already")
+        names.add(thing.name)
+        if arena.scatter is not None and _SCATTERED.fullmatch(thing.name):
+            raise table.wrong("name", f"must not be {thing.name!r}, which the scattered things are called by")
+        if thing.name in arena.shelved:
+            continue
+        for x, y in thing.points().tolist():
+            if not (
+                thing.radius <= x <= arena.size[0] - thing.radius
+                and thing.radius <= y <= arena.size[1] - thing.radius
+            ):
+                raise table.wrong("at_mm", f"must leave all of {thing.name!r} on the floor; it reaches into a wall")
+        for other in standing:
+            if overlap(thing, other):
+                raise table.wrong("at_mm", f"must be free, but {thing.name!r} overlaps {other.name!r}")
+        standing.append(thing)
 
 
 def _base(table: Table | None, room: float) -> Base | None:
@@ -156,18 +218,32 @@ def _lamp(table: Table, width: float, depth: float) -> LampPlan:
     return lamp
 
 
-def _things(table: Table, width: float, depth: float) -> tuple[Shape, ...]:
-    things: list[Shape] = []
+def _things(table: Table, width: float, depth: float) -> tuple[list[tuple[Shape, Table]], frozenset[str]]:
+    """Things with their tables, and the names of those that do not stand on the floor."""
+    things: list[tuple[Shape, Table]] = []
+    shelved = []
     floor = max(width, depth)
-    for key, kind in (("wall", "fixed"), ("block", "block"), ("disc", "disc")):
+    kinds: dict[str, Kind] = {"wall": "fixed", "block": "block", "disc": "disc"}
+    for key, kind in kinds.items():
         for item in table.tables(key):
-            things.append(read_thing(item, kind, floor))  # type: ignore[arg-type] # literals
-            item.end()
-    names = [thing.name for thing in things]
-    for name in names:
-        if names.count(name) > 1:
-            raise table.wrong("name", f"must be different for each thing; {name!r} is there twice")
-    return tuple(things)
+            things.append((read_thing(item, kind, floor), item))
+    for item in table.tables("object"):
+        placed = item.has("at_mm")
+        shape = read_body(item, read_pose(item, floor) if placed else (0.0, 0.0, 0.0))
+        things.append((shape, item))
+        if not placed:
+            shelved.append(shape.name)
+    for _, item in things:
+        item.end()
+    return things, frozenset(shelved)
+
+
+def _stage(table: Table | None, width: float, depth: float) -> tuple[float, float] | None:
+    if table is None:
+        return None
+    x, y = table.numbers("at_mm", 2, 0, max(width, depth))
+    table.end()
+    return x, y
 
 
 def _scatter(table: Table | None) -> Scatter | None:
@@ -186,14 +262,16 @@ def _scatter(table: Table | None) -> Scatter | None:
         discs=table.count("discs", 50, (0, 0)),
         disc_radius=table.range("disc_radius_mm", 5, 250, (25.0, 50.0)),
         masses=table.numbers("masses_g", None, 1, 10_000),
+        stripes=table.range("stripes_mm", 2, 500, None),
     )
     table.end()
     return scatter
 
 
-def _start(table: Table | None, width: float, depth: float) -> Start:
+def _start(table: Table | None, arena: Arena) -> Start:
     if table is None:
         return Start()
+    width, depth = arena.size
     at = table.numbers("at_mm", 2, 0, max(width, depth), None)
     heading = math.radians(table.number("heading_deg", -360, 360, 0.0))
     start = Start(
@@ -202,4 +280,48 @@ def _start(table: Table | None, width: float, depth: float) -> Start:
         clearance=table.number("clearance_mm", 1, 500, 40.0),
     )
     table.end()
+    if start.pose is not None:
+        robot = disc("robot", "robot", BODY_RADIUS, start.pose, 29.0)
+        standing = [thing for thing in arena.things if thing.name not in arena.shelved]
+        for other in [*arena_walls(arena), *base_walls(arena), *standing]:
+            if overlap(robot, other):
+                raise table.wrong("at_mm", f"must have room for the robot, 57 mm wide, but {other.name!r} is there")
     return start
+
+
+def arena_walls(arena: Arena) -> list[Shape]:
+    """The four walls round the floor."""
+    width, depth = arena.size
+    long, half = 2 * _WALL, _WALL / 2
+
+    def wall(name: str, across: float, up: float, x: float, y: float) -> Shape:
+        shape = box(name, "wall", across, up, (x, y, 0.0), arena.wall_height, reflectance=arena.wall_reflectance)
+        return replace(shape, stripes=arena.wall_stripes)
+
+    return [
+        wall("south wall", width + long, _WALL, width / 2, -half),
+        wall("east wall", _WALL, depth + long, width + half, depth / 2),
+        wall("north wall", width + long, _WALL, width / 2, depth + half),
+        wall("west wall", _WALL, depth + long, -half, depth / 2),
+    ]
+
+
+def base_walls(arena: Arena) -> list[Shape]:
+    """Two walls on the inner sides of the base's square, from the arena's wall inwards, outside the square."""
+    base = arena.base
+    if base is None or base.wall_length == 0:
+        return []
+    right, high = base.corner
+    along = base.wall_length / 2
+    across = base.side + base.wall_thickness / 2
+
+    def corner(x: float, y: float) -> Pose:
+        return (arena.size[0] - x if right else x), (arena.size[1] - y if high else y), 0.0
+
+    def wall(name: str, size: tuple[float, float], pose: Pose) -> Shape:
+        return box(name, "wall", *size, pose, base.wall_height)
+
+    return [
+        wall("base wall 1", (base.wall_thickness, base.wall_length), corner(across, along)),
+        wall("base wall 2", (base.wall_length, base.wall_thickness), corner(along, across)),
+    ]

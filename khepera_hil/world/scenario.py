@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from khepera_hil.world.shapes import Shape
@@ -46,9 +46,10 @@ _FLOOR = 5000.0  # mm, as wide as an arena may be
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happens ``at`` a moment, seconds since power-up."""
+    """Something that happens ``at`` a moment, seconds since power-up; ``where`` a file says so."""
 
     at: float
+    where: str = field(default="", kw_only=True, compare=False)
 
 
 @dataclass(frozen=True)
@@ -110,12 +111,14 @@ class Mover(Event):
 class PutDown(Event):
     """An object is put on the floor, as soon as its place is free.
 
-    ``shape`` is new, or a thing of the arena that stands elsewhere or was taken away.
+    ``shape`` is new, or a thing of the arena that stands elsewhere or was taken away. ``place`` None:
+    on the arena's stage.
     """
 
     name: str
-    shape: Shape | None
-    pose: tuple[float, float, float]
+    shape: Shape | None = None
+    place: tuple[float, float] | None = None
+    angle: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -154,12 +157,16 @@ class LampSet(Event):
 
 @dataclass(frozen=True)
 class Scenario:
-    """What happens, in the order of time; ``world`` is the arena that it was made for, if any."""
+    """What happens, in the order of time.
+
+    ``world`` is the arena that it was made for, if any; the battery is so many times faster by ``compression``.
+    """
 
     name: str
     title: str
     events: tuple[Event, ...]
     world: str | None = None
+    compression: float = 1.0
 
 
 E_co = TypeVar("E_co", bound=Event)
@@ -205,6 +212,7 @@ def load_scenario(name: str) -> Scenario:
         label,
         title=table.text("title"),
         world=table.text("world", "") or None,
+        compression=table.number("battery_compression", 0.01, 1000, 1.0),
         events=tuple(sorted(map(_event, table.tables("event")), key=lambda event: event.at)),
     )
     table.end()
@@ -215,7 +223,7 @@ def _event(table: Table) -> Event:
     at = table.number("at_s", 0, _LONGEST)
     event = _READERS[table.word("kind", tuple(_READERS))](table, at)
     table.end()
-    return event
+    return replace(event, where=table.where)
 
 
 def _order(table: Table, at: float) -> Event:
@@ -259,9 +267,10 @@ def _mover(table: Table, at: float) -> Event:
 
 def _put_down(table: Table, at: float) -> Event:
     name = table.text("name")
-    pose = (*table.numbers("at_mm", 2, 0, _FLOOR), math.radians(table.number("angle_deg", -360, 360, 0.0)))
-    shape = read_body(table, pose, name=name) if table.has("shape") else None
-    return PutDown(at, name, shape, pose)
+    place = table.numbers("at_mm", 2, 0, _FLOOR, None)
+    angle = math.radians(table.number("angle_deg", -360, 360, 0.0))
+    shape = read_body(table, (0.0, 0.0, 0.0), name=name) if table.has("shape") else None
+    return PutDown(at, name, shape, place, angle)
 
 
 def _take_away(table: Table, at: float) -> Event:

@@ -9,7 +9,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Kind", "Pose", "Shape", "box", "disc", "gap", "turned"]
+__all__ = ["BODY_RADIUS", "Kind", "Pose", "Shape", "box", "disc", "gap", "overlap", "turned"]
+
+BODY_RADIUS = 28.5
+"""The robot's. Paper, section 4.1: 57 mm across."""
 
 Kind = Literal["wall", "fixed", "block", "disc", "mover", "flame", "lamp", "base", "robot"]
 """wall: the arena's and the base's; fixed: stands for ever; block and disc: can be pushed if light enough;
@@ -68,6 +71,21 @@ class Shape:
             return math.pi * self.radius**2
         x, y = np.array(self.corners).T
         return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+    @property
+    def outline(self) -> float:
+        """Its length round, mm."""
+        if not self.corners:
+            return 2 * math.pi * self.radius
+        ends = self.corners[1:] + self.corners[:1]
+        return sum(math.hypot(to_x - x, to_y - y) for (x, y), (to_x, to_y) in zip(self.corners, ends, strict=True))
+
+    @property
+    def longest_line(self) -> float:
+        """The longest straight side of its outline, mm; 0 for a disc."""
+        ends = self.corners[1:] + self.corners[:1]
+        sides = (math.hypot(to_x - x, to_y - y) for (x, y), (to_x, to_y) in zip(self.corners, ends, strict=True))
+        return max(sides, default=0.0)
 
     def at(self, pose: Pose) -> Shape:
         """The same thing elsewhere."""
@@ -138,6 +156,21 @@ def gap(one: Shape, other: Shape) -> float:
     """The shortest way between two shapes, mm; 0 when they touch or overlap."""
     between = min(_between(a, b) for a in _pieces(one) for b in _pieces(other))
     return max(0.0, between - one.radius - other.radius)
+
+
+def overlap(one: Shape, other: Shape) -> bool:
+    """Whether two shapes share more than their borders (a hundredth of their size is forgiven)."""
+    return gap(_smaller(one), _smaller(other)) == 0
+
+
+def _smaller(shape: Shape) -> Shape:
+    def about(part: tuple[Point, ...]) -> tuple[Point, ...]:
+        x = sum(point[0] for point in part) / len(part)
+        y = sum(point[1] for point in part) / len(part)
+        return tuple((x + 0.995 * (a - x), y + 0.995 * (b - y)) for a, b in part)
+
+    parts = tuple(about(part) for part in shape.convex)
+    return replace(shape, corners=parts[0] if parts else (), parts=parts, radius=0.995 * shape.radius)
 
 
 def _pieces(shape: Shape) -> list[list[Point]]:

@@ -71,7 +71,12 @@ class Table:
 
     def wrong(self, key: str, what: str) -> WorldError:
         """What is to be raised for ``key``."""
-        return WorldError(f"{self._file}: {self._path}{key} {what}")
+        return WorldError(f"{self.where}{key} {what}")
+
+    @property
+    def where(self) -> str:
+        """File and table, to be put before a key."""
+        return f"{self._file}: {self._path}"
 
     def number(self, key: str, low: float, high: float, default: Any = ...) -> float:
         """A number in a range, both ends included."""

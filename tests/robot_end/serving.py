@@ -109,7 +109,13 @@ class ManualClient:
         return self.line()
 
     def settle(self) -> None:
-        """Read the boot text, or what is left of it, away."""
-        self.send("G,4711,-4711", "H")
-        while self.line() != "h,4711,-4711":
-            pass
+        """Read away what there is (the boot text, what was said to a client before) until an answer is ours."""
+        deadline = time.monotonic() + PATIENCE
+        while time.monotonic() < deadline:
+            self.send("G,4711,-4711", "H")
+            while select.select([self._fd], [], [], 0.5)[0]:
+                self._heard += os.read(self._fd, 4096)
+                if self._heard.endswith(b"h,4711,-4711\r\n"):
+                    self._heard.clear()
+                    return
+        raise AssertionError("no answer came")
