@@ -7,10 +7,13 @@
     |-- RobotError                 4  the port is there, but no Khepera that we understand is behind it
     |   |-- NoAnswer               4  nothing came before the deadline
     |   |-- BadAnswer              4  something came that is no answer to what was asked
-    |   `-- Refused                4  the robot said that it did not understand the command
+    |   |-- Refused                4  the robot said that it did not understand the command
+    |   `-- RobotReset             4  the robot was reset, or switched off and on, in mid-session
+    |-- GuardLost                  7  the guard, which would stop the wheels in our place, is not there
     |-- WireTooSlow                5  what a tick needs does not fit into the period at this baud rate
     |-- WorldError                 2  an arena that cannot be read or furnished
     |-- RecordingError             6  the run's folder cannot be written
+    |-- OrderRefused               8  an order that no running program takes
     `-- ProtocolError              1  bytes that are not in the protocol's grammar (raised by ``protocol`` only)
 
 ``__main__`` turns each of them into one sentence on standard error and its ``exit_code``; nothing else
@@ -21,14 +24,17 @@ from __future__ import annotations
 
 __all__ = [
     "BadAnswer",
+    "GuardLost",
     "KheperaHilError",
     "LinkLost",
     "NoAnswer",
+    "OrderRefused",
     "PortError",
     "ProtocolError",
     "RecordingError",
     "Refused",
     "RobotError",
+    "RobotReset",
     "UsageError",
     "WireTooSlow",
     "WorldError",
@@ -75,6 +81,16 @@ class Refused(RobotError):
     """The robot said that it did not understand: the command was mangled on its way, or is not in its ROM."""
 
 
+class RobotReset(RobotError):
+    """The robot printed its boot text in mid-session: it was reset, and its speeds, counters and modes are gone."""
+
+
+class GuardLost(KheperaHilError):
+    """The guard, which would stop the wheels in our place, is not there, or has acted."""
+
+    exit_code = 7
+
+
 class WireTooSlow(KheperaHilError):
     """What a tick needs does not fit into the period at this baud rate."""
 
@@ -91,6 +107,12 @@ class RecordingError(KheperaHilError):
     """The run's folder cannot be written, or read back."""
 
     exit_code = 6
+
+
+class OrderRefused(KheperaHilError):
+    """An order that no running program takes, or that nobody is there to take."""
+
+    exit_code = 8
 
 
 class ProtocolError(KheperaHilError):

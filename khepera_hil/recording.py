@@ -12,12 +12,12 @@ Everything else (the viewer's file, live views) is derived and hangs behind the 
 Reading back parses JSON and nothing else: nothing in a folder is ever executed or unpickled.
 
 The log's columns, one object a tick: ``tick`` (how many came before), ``t`` (s of robot time since the start),
-``missed`` (deadlines skipped just before), ``raw`` (command letter -> the robot's answer), ``orders`` (of the
-operator), ``evidence``, ``clipped`` (variable -> how often perception clipped it), ``answers`` (key of a
-question -> hash of its probabilities), ``u`` (the uniform number behind each draw), ``draws``, ``command``
-(left, right in pulse/10 ms as the robot acknowledged them, or null), ``pose`` (x m, y m, theta rad, or null),
-``moved`` (movable shapes whose pose changed), ``events`` (level, text), ``late_ms``, ``work_ms``, ``wall``
-(s since 1970).
+``missed`` (deadlines skipped just before), ``state`` (of the service when the tick was done), ``raw`` (command
+letter -> the robot's answer), ``orders`` (of the operator), ``evidence``, ``clipped`` (variable -> how often
+perception clipped it), ``answers`` (key of a question -> hash of its probabilities), ``u`` (the uniform number
+behind each draw), ``draws``, ``command`` (left, right in pulse/10 ms as the robot acknowledged them, or null),
+``pose`` (x m, y m, theta rad, or null), ``moved`` (movable shapes whose pose changed), ``events`` (level, text),
+``late_ms``, ``work_ms``, ``wall`` (s since 1970).
 """
 
 from __future__ import annotations
@@ -102,6 +102,7 @@ class Tick:
 
     tick: int
     t: float
+    state: str = ""
     raw: dict[str, str] = field(default_factory=dict)
     orders: list[str] = field(default_factory=list)
     evidence: dict[str, Value] = field(default_factory=dict)
@@ -124,6 +125,7 @@ class Tick:
             "tick": self.tick,
             "t": _short(self.t, 6),
             "missed": self.missed,
+            "state": self.state,
             "raw": self.raw,
             "orders": self.orders,
             "evidence": self.evidence,
@@ -159,6 +161,7 @@ class Tick:
                 tick=int(row["tick"]),
                 t=float(row["t"]),
                 missed=int(row["missed"]),
+                state=str(row.get("state", "")),  # logs of before have none
                 raw={str(k): str(v) for k, v in row["raw"].items()},
                 orders=[str(order) for order in row["orders"]],
                 evidence={str(k): _value(v) for k, v in row["evidence"].items()},

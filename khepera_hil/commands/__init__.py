@@ -2,9 +2,9 @@
 
 from types import MappingProxyType
 
-from khepera_hil.commands import emulate, run
+from khepera_hil.commands import emulate, order, run
 from khepera_hil.commands.parser import Command
 
 __all__ = ["COMMANDS"]
 
-COMMANDS: MappingProxyType[str, Command] = MappingProxyType({"run": run, "emulate": emulate})
+COMMANDS: MappingProxyType[str, Command] = MappingProxyType({"run": run, "emulate": emulate, "order": order})
