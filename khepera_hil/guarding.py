@@ -85,23 +85,18 @@ class Process:
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
             with theirs:
-                self._process = subprocess.Popen(
-                    [sys.executable, "-I", "-S", "-B", guard.__file__, str(theirs.fileno()), repr(limit)],
-                    pass_fds=[theirs.fileno()],
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.DEVNULL,
-                    start_new_session=True,  # out of reach of the terminal's Ctrl-C and Ctrl-Z
-                    cwd="/",
-                    env={},
-                )
-            ours.settimeout(STARTING)
-            if ours.recv(1) != guard.READY:
-                raise GuardLost("the guard, which would stop the wheels in our place, ended as it started")
+                self._process = _started(theirs, limit)
+            try:
+                ours.settimeout(STARTING)
+                if ours.recv(1) != guard.READY:
+                    raise GuardLost("the guard, which would stop the wheels for us, ended as it started")
+            except BaseException:
+                self._process.kill()
+                self._process.wait()
+                raise
         except OSError as error:
             ours.close()
-            raise GuardLost(
-                f"the guard, which would stop the wheels in our place, does not start: {error}"
-            ) from error
+            raise GuardLost(f"the guard, which would stop the wheels for us, does not start: {error}") from error
         except BaseException:
             ours.close()
             raise
@@ -186,3 +181,15 @@ class Process:
             why = said[1:].decode("utf-8", "replace")
             return f"the guard has stopped the wheels because {why}; start anew when you know why"
         return "the guard is gone, was it killed? Without it the wheels may not move; they are stopped"
+
+
+def _started(pipe: socket.socket, limit: float) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        [sys.executable, "-I", "-S", "-B", guard.__file__, str(pipe.fileno()), repr(limit)],
+        pass_fds=[pipe.fileno()],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        start_new_session=True,  # out of reach of the terminal's Ctrl-C and Ctrl-Z
+        cwd="/",
+        env={},
+    )
