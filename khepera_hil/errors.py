@@ -8,7 +8,8 @@
     |   |-- NoAnswer               4  nothing came before the deadline
     |   |-- BadAnswer              4  something came that is no answer to what was asked
     |   |-- Refused                4  the robot said that it did not understand the command
-    |   `-- RobotReset             4  the robot was reset, or switched off and on, in mid-session
+    |   |-- RobotReset             4  the robot was reset in mid-session: it forgot its speeds
+    |   `-- Implausible            4  what was read twice does not agree, or cannot be after what was read before
     |-- GuardLost                  7  the guard, which would stop the wheels in our place, is not there
     |-- WireTooSlow                5  what a tick needs does not fit into the period at this baud rate
     |-- WorldError                 2  an arena that cannot be read or furnished
@@ -25,6 +26,7 @@ from __future__ import annotations
 __all__ = [
     "BadAnswer",
     "GuardLost",
+    "Implausible",
     "KheperaHilError",
     "LinkLost",
     "NoAnswer",
@@ -82,7 +84,14 @@ class Refused(RobotError):
 
 
 class RobotReset(RobotError):
-    """The robot printed its boot text in mid-session: it was reset, and its speeds, counters and modes are gone."""
+    """The robot printed its boot text in mid-session: its wheels stand still, and it forgot what it was told.
+
+    Said at each request until there was a new handshake. Only the user knows whether it may drive on.
+    """
+
+
+class Implausible(RobotError):
+    """Readings that no robot could give that was read just before, or that do not agree with themselves."""
 
 
 class GuardLost(KheperaHilError):

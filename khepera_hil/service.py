@@ -9,26 +9,24 @@ from typing import Any
 
 import numpy as np
 
-from brp import BrpError, Distribution
+from khepera_hil.budget import plan
 from khepera_hil.clock import Clock
-from khepera_hil.controllers import Commanded, Controller, Decision
+from khepera_hil.conduct import Conduct
+from khepera_hil.controllers import Commanded, Controller
 from khepera_hil.errors import GuardLost, KheperaHilError, LinkLost, NoAnswer, OrderRefused, RobotError, RobotReset
 from khepera_hil.guarding import Guarding, Unguarded
 from khepera_hil.khepera import Khepera
 from khepera_hil.lifecycle import Health, Lifecycle
 from khepera_hil.orders import Order, Orders
-from khepera_hil.perception import Readings
 from khepera_hil.quantiles import Quantiles
+from khepera_hil.reader import Reader
 from khepera_hil.reconnection import Reconnection
-from khepera_hil.recording import Answer, Recording, Tick
+from khepera_hil.recording import Recording, Tick
 from khepera_hil.scheduler import Beat, beats
 from khepera_hil.wheels import Wheels
 from khepera_hil.witness import Sight, Witness
 
-__all__ = ["HOLD", "PATIENCE", "Service"]
-
-HOLD = 2
-"""Periods without readings during which the wheels keep what they were told; then they are told to stop."""
+__all__ = ["PATIENCE", "Service"]
 
 PATIENCE = 30.0
 """Seconds without a usable answer, or without a port, after which the robot counts as gone and the run ends."""
@@ -37,12 +35,14 @@ PATIENCE = 30.0
 class Service:
     """Runs one controller on one robot, and owns the wheels while it does.
 
-    ``rng`` is the program's own stream of chance. ``guard`` stops the wheels when we cannot. When the line is lost
+    ``rng`` is the program's own stream of chance. With ``verify`` the sensors are read twice (see
+    :class:`~khepera_hil.reader.Reader`). ``guard`` stops the wheels when we cannot. When the line is lost,
     ``reopen`` is called, with pauses, until it returns a robot on a new line, for ``patience`` seconds of the
     robot's time; without it a lost line ends the run. A robot that was reset is set in motion again by the order
     ``resume`` only, or with ``resume`` at once. ``idle`` is called after each tick with the seconds left until the
-    next. ``stopwatch`` (seconds) and ``wall`` (Unix time) fill the columns of the log that are the host's own;
-    nothing is decided by them.
+    next.
+    ``stopwatch`` (seconds) and ``wall`` (Unix time) fill the columns of the log that are the host's own; nothing is
+    decided by them. Raises WireTooSlow for what does not fit into a tick.
     """
 
     def __init__(
@@ -53,6 +53,7 @@ class Service:
         clock: Clock,
         period: float,
         rng: np.random.Generator,
+        verify: bool = False,
         witness: Witness | None = None,
         guard: Guarding | None = None,
         reopen: Callable[[], Khepera] | None = None,
@@ -77,23 +78,17 @@ class Service:
         self._wheels = Wheels(khepera, self._guard, self.health)
         self._reopen, self._resume, self._patience = reopen, resume, patience
         self._reconnection: Reconnection | None = None
-        self._clock, self._period, self._rng = clock, period, rng
+        self._new_line = False
+        self._clock, self._period = clock, period
         self._idle, self._stopwatch, self._wall = idle, stopwatch, wall
         self._orders: Sequence[Orders] = ()
         self._reason: str | None = None
         self._remarks: list[tuple[str, str]] = []  # what is to be said in the next tick
         self._raw: dict[str, str] = {}
-        self._blind_periods = 0
         self._answered_at = 0.0  # the robot's time of the last tick that went as it should
         self._trouble: KheperaHilError | None = None  # the last one since then
-        self._shapes = {
-            key: (
-                question.name,
-                tuple(v.name for v in question.searched),
-                tuple(tuple(v.values) for v in question.searched),
-            )
-            for key, question in controller.questions.items()
-        }
+        needed = plan(controller.name, controller.needs, baud=khepera.link.baud, period=period, verify=verify)
+        self._conduct = Conduct(controller, Reader(khepera, needed, verify), self._wheels, rng)
         khepera.link.on_exchange = self._heard
 
     @property
@@ -122,18 +117,7 @@ class Service:
 
     def program(self) -> dict[str, Any]:
         """What the program asks each tick and what it knows then, for the run's manifest."""
-        known = {v.name: list(v.values) for question in self._controller.questions.values() for v in question.known}
-        questions = [
-            {
-                "key": key,
-                "name": name,
-                "variables": variables,
-                "values": values,
-                "main": key == self._controller.decides,
-            }
-            for key, (name, variables, values) in self._shapes.items()
-        ]
-        return {"questions": questions, "evidence": known}
+        return self._conduct.manifest()
 
     def stop(self, reason: str) -> None:
         """End the loop at its next tick; may be called from a signal's handler."""
@@ -216,8 +200,7 @@ class Service:
     def _settle(self, tick: Tick, good: bool) -> None:
         """What the tick means for the state."""
         self.health.add(good)
-        if good:
-            self._answered_at, self._trouble = tick.t, None
+        self.blind += not tick.evidence
         if self.state == "running" and self.health.ailing:
             self._become("degrade", tick)
         elif self.state == "degraded" and self.health.sound:
@@ -276,7 +259,7 @@ class Service:
                 if not self.health.may_move:
                     return self._wait(tick)
                 self._become("start", tick)
-            return self._tick(tick)
+            return self._drive(tick)
         except LinkLost as error:
             if self._reopen is None:
                 raise
@@ -285,62 +268,12 @@ class Service:
             self._was_reset(tick, error)
         return False
 
-    def _tick(self, tick: Tick) -> bool:
-        try:
-            readings = self._read(tick)
-            decision = self._controller.step(readings, self._rng)
-        except RobotReset:
-            raise
-        except RobotError as error:
-            self._without_data(tick, error)
-            self._trouble = error
-        except BrpError as error:
-            # Evidence that is refused or impossible counts as a tick without data, so that the loop goes on; but
-            # the robot was there.
-            self._without_data(tick, error)
-            self._answered_at, self._trouble = tick.t, None
-        else:
-            self._blind_periods = 0
-            self._act(tick, decision)
-            return tick.command is not None
-        return False
-
-    def _read(self, tick: Tick) -> Readings:
-        readings: dict[str, tuple[int, ...]] = {}
-        for letter in self._controller.needs:
-            if letter == "N":
-                readings["proximity"] = self._khepera.proximity()
-            elif letter == "O":
-                readings["light"] = self._khepera.light()
-            else:
-                raise NotImplementedError(f"no program may need {letter} yet")
-        return Readings(**readings)
-
-    def _act(self, tick: Tick, decision: Decision) -> None:
-        tick.evidence, tick.clipped = dict(decision.evidence), dict(decision.clipped)
-        tick.u, tick.draws = dict(decision.u), dict(decision.draws)
-        tick.answers = {key: self._answer(key, given) for key, given in decision.answers.items()}
-        self._send(tick, decision.left, decision.right)
-
-    def _send(self, tick: Tick, left: int, right: int) -> None:
-        try:
-            tick.command = self._wheels.move(left, right)
-        except RobotReset:
-            raise
-        except RobotError as error:
-            # A robot that can be read but never confirms its speeds is as little under control as a silent one.
-            tick.events.append(("warning", f"speeds not acknowledged: {error}"))
-            self._trouble = error
-
-    def _without_data(self, tick: Tick, error: Exception) -> None:
-        tick.events.append(("warning", f"no data: {error}"))
-        self.blind += 1
-        self._blind_periods += 1 + tick.missed
-        if self._blind_periods > HOLD:
-            if self._wheels.halt():
-                tick.command = (0, 0)
-            else:
-                tick.events.append(("warning", "ordered to stand still, not acknowledged"))
+    def _drive(self, tick: Tick) -> bool:
+        trouble = self._conduct.turn(tick)
+        if trouble is None:
+            self._answered_at = tick.t
+        self._trouble = trouble
+        return bool(tick.evidence) and tick.command is not None
 
     # The way back: from a line that was lost, from a robot that was reset.
 
@@ -348,7 +281,6 @@ class Service:
         tick.events.append(("error", str(error)))
         self._trouble = error
         self.losses += 1
-        self.blind += 1
         self._become("lose", tick)
         self._wheels.let_go()
         self._reconnection = Reconnection(reopen, self._clock)
@@ -357,7 +289,6 @@ class Service:
         assert self._reconnection is not None
         found = self._reconnection.poll()
         if found is None:
-            self.blind += 1
             return False
         tick.events.append(
             ("info", f"{found.link.name} is open again, after {self._reconnection.attempts} attempts")
@@ -365,6 +296,9 @@ class Service:
         self._reconnection.close()
         self._reconnection = None
         self._khepera = found
+        before = self._conduct.reader
+        self._conduct.reader = Reader(found, before.plan, before.verify, before.checks)
+        self._new_line = True
         found.link.on_exchange = self._heard
         self._become("connect", tick)
         self._wheels.watch(found)
@@ -374,7 +308,6 @@ class Service:
         tick.events.append(("error", str(error)))
         self._trouble = error
         self.resets += 1
-        self.blind += 1
         self._wheels.forget()
         self.health.may_move = self._resume
         if self.state != "connecting":
@@ -382,13 +315,13 @@ class Service:
 
     def _shake_hands(self, tick: Tick) -> bool:
         """The wheels first, and blindly; then everything as at the beginning, an attempt a tick."""
-        self.blind += 1
+        link = self._khepera.link
         try:
             self._wheels.halt()
-            self._khepera.link.resynchronise()
+            link.begin()
             self._khepera.version()
             tick.command = self._wheels.rest()
-            was_reset = self._wheels.were_reset()
+            was_reset = self._wheels.were_reset() or (self._new_line and link.counters.boot_texts > 0)
         except RobotReset:
             raise
         except RobotError as error:
@@ -397,10 +330,11 @@ class Service:
             return False
         self._answered_at, self._trouble = tick.t, None
         self._become("connected", tick)
+        self._new_line = False
         if was_reset:
             self.resets += 1
             self.health.may_move = self._resume
-            tick.events.append(("error", "the robot was reset unheard, or is another: its counters are back at 0"))
+            tick.events.append(("error", "the robot was reset while its line was lost, or is another"))
         if self.health.may_move:
             self._become("start", tick)
         else:
@@ -409,7 +343,6 @@ class Service:
 
     def _wait(self, tick: Tick) -> bool:
         """Nothing moves, but the robot is spoken to."""
-        self.blind += 1
         try:
             tick.command = self._wheels.rest()
         except RobotReset:
@@ -418,6 +351,7 @@ class Service:
             tick.events.append(("warning", f"no data: {error}"))
             self._trouble = error
             return False
+        self._answered_at, self._trouble = tick.t, None
         return True
 
     def _rest(self) -> None:
@@ -436,15 +370,14 @@ class Service:
         with contextlib.suppress(GuardLost):
             self._guard.beat()
 
-    def _answer(self, key: str, given: Distribution) -> Answer:
-        name, variables, values = self._shapes[key]
-        return Answer(name, variables, values, given.p)
-
     def _heard(self, request: bytes, answer: bytes) -> None:
         # What came although nobody had asked stands under "?"; it is only ever there when the line was in trouble.
         text = answer.decode("ascii", "backslashreplace").rstrip("\r\n")
-        if request.strip():
-            self._raw[chr(request.strip()[0])] = text
+        if asked := request.strip().decode("ascii"):
+            # A letter says enough, but where one has many questions; what is read again in a tick is numbered.
+            name = asked if asked[0] in "IRT" else asked[0]
+            again = sum(known.partition(" ")[0] == name for known in self._raw)
+            self._raw[f"{name} {again + 1}" if again else name] = text
         elif text:
             self._raw["?"] = (self._raw.get("?", "") + text)[-500:]
         self._guard.beat()  # a tick on a bad line may take longer than the guard would wait

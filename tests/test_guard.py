@@ -13,6 +13,7 @@ import sys
 import time
 import tty
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -176,7 +177,7 @@ def test_a_line_that_is_full_of_earlier_bytes_takes_the_order_all_the_same(proce
     process.watch(line.slave)
     process.moving()
     os.set_blocking(line.slave, False)
-    with pytest.raises(BlockingIOError):
+    with suppress(BlockingIOError):
         while True:
             os.write(line.slave, b"D,12,12\n" * 100)
     die(process)

@@ -19,6 +19,7 @@ from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 import serial
 
 from khepera_hil import chance
+from khepera_hil.budget import plan
 from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
 from khepera_hil.commands.signals import heeded
@@ -27,7 +28,7 @@ from khepera_hil.errors import NoAnswer, RecordingError, UsageError
 from khepera_hil.follower import Follower
 from khepera_hil.guarding import Guarding, Process, Unguarded, limit
 from khepera_hil.khepera import Khepera
-from khepera_hil.link import Link, check_budget
+from khepera_hil.link import Link
 from khepera_hil.opening import Port, close_port, descriptor, open_port
 from khepera_hil.orders import OrderSocket
 from khepera_hil.quantiles import Quantiles
@@ -72,7 +73,7 @@ def main(arguments: Sequence[str]) -> int:
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
     controller = PROGRAMS[asked.program][1]()
-    check_budget([*controller.needs, "D"], asked.baud, asked.period)
+    plan(asked.program, controller.needs, baud=asked.baud, period=asked.period, verify=asked.verify)
     if asked.realtime:
         for refusal in ask_for_realtime():
             print(f"khepera-hil: {refusal}", file=sys.stderr)
@@ -91,6 +92,7 @@ def main(arguments: Sequence[str]) -> int:
             clock=clock,
             period=asked.period,
             rng=chance.generator(chosen_seed, "program"),
+            verify=asked.verify,
             witness=getattr(port, "witness", None),
             guard=guard,
             reopen=None if hasattr(port, "witness") else partial(_reopened, stable_name(url), asked.baud, clock),
@@ -321,6 +323,11 @@ def _parser() -> Parser:
         help=f"of the in-process emulator: a name of --list or a TOML file (default: {DEFAULT_WORLD})",
     )
     add("--fast", action="store_true", help="simulated time, as quick as the machine can; in-process emulator only")
+    add(
+        "--verify",
+        action="store_true",
+        help="read the sensors twice, and hold them to what the robot can have moved: for a line that loses bytes",
+    )
     add(
         "--patience",
         type=number(0.1, 1e6, "seconds"),
