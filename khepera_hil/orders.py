@@ -81,6 +81,11 @@ class _Client:
         """Say it and hang up; the kernel's buffer holds it, so nobody waits for a client that reads nothing."""
         with contextlib.suppress(OSError):
             self.connection.send(json.dumps(answer).encode() + b"\n")
+        with contextlib.suppress(OSError):
+            # Hung up on with something unread, the client would be told of that and not of the answer.
+            for _ in range(8):
+                if not self.connection.recv(1 << 16):
+                    break
         self.connection.close()
 
 
