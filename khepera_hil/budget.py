@@ -16,7 +16,7 @@ from khepera_hil.perception import Need
 from khepera_hil.plausible import READINGS, TRUST
 from khepera_hil.protocol import BAUD_RATES, COMMANDS, encode_request, wire_seconds
 
-__all__ = ["READ_BACK", "RESERVE", "SPEEDS", "Plan", "plan", "seconds"]
+__all__ = ["READ_BACK", "RESERVE", "SPEEDS", "Plan", "needed", "plan", "seconds"]
 
 RESERVE = 0.1
 """The part of a period that the wire must leave free."""
@@ -84,6 +84,11 @@ def plan(program: str, needs: Iterable[str | Need], *, baud: int, period: float,
         f"{_room(period) * 1000:.0f} ms that a period of {period * 1000:g} ms leaves for the wire: "
         f"use {_either(ways)}"
     )
+
+
+def needed(needs: Iterable[str | Need], baud: int, *, verify: bool = False) -> float:
+    """Seconds that the fullest tick of a program with these needs is on the wire."""
+    return _spread([Need(need) if isinstance(need, str) else need for need in needs], baud, verify).worst
 
 
 def _room(period: float) -> float:

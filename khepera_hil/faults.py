@@ -198,7 +198,9 @@ class Faults:
         self._due: list[tuple[float, Rule]] = [
             (rule.at, rule) for rule in specification.rules if rule.at is not None
         ]
-        self._back = 0.0
+        self._now = self._back = 0.0
+        self.unpluggings = 0
+        """How often the line was unplugged: who has it open has lost it, however soon it is back."""
 
     def to_robot(self, data: bytes, now: float) -> bytes:
         """The host's bytes, as the robot gets them."""
@@ -210,12 +212,15 @@ class Faults:
 
     def connected(self, now: float) -> bool:
         """Whether the line is plugged in; while it is not, nothing passes, and what was under way is lost."""
+        self._now = now
         self._begin_what_is_due(now)
         return now >= self._back
 
     def next_event(self) -> float | None:
-        """The next moment at which something may come out by itself or the line be unplugged (None: never)."""
+        """When something may next come out by itself, or the line be pulled or plugged in (None: never)."""
         moments = [moment for way in self._ways.values() if (moment := way.next_release()) is not None]
+        if self._now < self._back:
+            moments.append(self._back)
         moments += [at for at, rule in self._due if rule.kind in ("stall", "disconnect")]
         return min(moments, default=None)
 
@@ -253,6 +258,7 @@ class Faults:
                 way.hold(at + seconds)
         else:
             self._back = max(self._back, at + seconds)
+            self.unpluggings += 1
             for other in self._ways.values():
                 other.clear()
 

@@ -23,7 +23,7 @@ from khepera_hil.errors import (
     RobotError,
     RobotReset,
 )
-from khepera_hil.opening import PORT_ERRORS, Port, close_port
+from khepera_hil.opening import PORT_ERRORS, Port, close_port, rivals
 from khepera_hil.protocol import COMMANDS, encode_request, is_refusal, parse_answer, wire_seconds
 
 __all__ = ["MARGIN", "Counters", "Link"]
@@ -41,6 +41,9 @@ SILENCE = 0.005
 
 RESYNCHRONISATION = 0.3
 """Seconds after which a resynchronisation begins nothing new and gives up."""
+
+LOOK_AGAIN = 1.0
+"""Seconds after which it is looked again whether somebody else reads from the port, when answers are missing."""
 
 PROBES = ("B", "K", "E")
 """Requests that change nothing and that a tick does not use."""
@@ -101,13 +104,14 @@ class Link:
         self._seam = b""  # the end of what came last: a boot text may come in pieces
         self._in_session = False  # whether the robot has answered since the session began
         self._reset = False  # and whether it was reset since
+        self._look_again = 0.0
         self._asked = 0
         self._last_asked = dict.fromkeys(PROBES, 0)
 
     @property
     def name(self) -> str:
         """The port's name, for the sentences that the user reads."""
-        return str(self.port.port)
+        return str(self.port.port).partition("?")[0]
 
     @property
     def synchronised(self) -> bool:
@@ -135,6 +139,10 @@ class Link:
                 self.counters.bad_answer += 1
             elif isinstance(error, Refused):
                 self.counters.refused += 1
+            if others := self._rivals(error):
+                raise type(error)(
+                    f"{error}; {self.name} is also open in {others}, which takes bytes away"
+                ) from error
             raise
         self._synchronised = True
         self.counters.accepted += 1
@@ -150,6 +158,26 @@ class Link:
         self._synchronised = False
         self._write(request)
         self._report(request, b"")
+
+    def tool(self, text: str, seconds: float = 1.0) -> str:
+        """Send one of the robot's text commands, such as ``net``; what it prints within so many seconds.
+
+        Such texts have no end mark: they are read until the line is quiet, and nothing in them is checked but that
+        it is no boot text. The next request resynchronises first. Raises RobotReset and LinkLost.
+        """
+        self._raise_reset()
+        self._synchronised = False
+        request = text.encode("ascii") + b"\n"
+        give_up = self.clock.now() + seconds
+        self._write(request)
+        printed = bytearray()
+        chunk = self._read(seconds)  # the first may take its time
+        while chunk and self.clock.now() < give_up:
+            printed += chunk
+            chunk = self._read(2 * QUIET)
+        self._report(request, bytes(printed))
+        self._raise_reset()
+        return printed.decode("ascii", "backslashreplace")
 
     def begin(self) -> None:
         """Begin a session with whoever is there now: as :meth:`resynchronise`, but a boot text is nothing new."""
@@ -262,6 +290,13 @@ class Link:
         if COMMANDS[letter].form == "turret" and not _same_turret(values, result):
             raise BadAnswer(f"another turret's answer to {request!r}: {bytes(answer[:60])!r}")
         return answer[:-2].decode("ascii"), result
+
+    def _rivals(self, error: RobotError) -> str:
+        """Who else may have read what we miss; looked for once in a while, since it takes some milliseconds."""
+        if not isinstance(error, (NoAnswer, BadAnswer)) or self.clock.now() < self._look_again:
+            return ""
+        self._look_again = self.clock.now() + LOOK_AGAIN
+        return ", ".join(rivals(self.port))
 
     def _report(self, sent: bytes, came: bytes) -> None:
         if self.on_exchange is not None:

@@ -27,7 +27,8 @@ TABLE: dict[str, set[str]] = {
     "khepera_hil.realtime": set(),
     "khepera_hil.orders": {"khepera_hil.errors"},
     # the client's end
-    "khepera_hil.opening": {"khepera_hil.errors", "serial"},
+    "khepera_hil.adapter": {"serial"},
+    "khepera_hil.opening": {"khepera_hil.adapter", "khepera_hil.errors", "serial"},
     "khepera_hil.link": {
         "khepera_hil.opening",
         "khepera_hil.protocol",
@@ -98,6 +99,15 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.wheels",
         "khepera_hil.witness",
     },
+    "khepera_hil.checkup": {
+        "khepera_hil.budget",
+        "khepera_hil.errors",
+        "khepera_hil.khepera",
+        "khepera_hil.perception",
+        "khepera_hil.protocol",
+        "khepera_hil.quantiles",
+        "khepera_hil.scheduler",
+    },
     # the robot's end
     "khepera_hil.uart": {"khepera_hil.protocol"},
     "khepera_hil.world": {"khepera_hil.world", "khepera_hil.errors", "khepera_hil.chance", "numpy", "pymunk"},
@@ -107,8 +117,12 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.uart",
         "khepera_hil.world",
     },
+    "khepera_hil.disturbed": {"khepera_hil.emulator", "khepera_hil.faults", "khepera_hil.world"},
     "khepera_hil.ports": {
+        "khepera_hil.chance",
         "khepera_hil.clock",
+        "khepera_hil.disturbed",
+        "khepera_hil.faults",
         "khepera_hil.emulator",
         "khepera_hil.errors",
         "khepera_hil.uart",

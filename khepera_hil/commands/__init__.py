@@ -2,9 +2,11 @@
 
 from types import MappingProxyType
 
-from khepera_hil.commands import emulate, order, run
+from khepera_hil.commands import check, emulate, order, run
 from khepera_hil.commands.parser import Command
 
 __all__ = ["COMMANDS"]
 
-COMMANDS: MappingProxyType[str, Command] = MappingProxyType({"run": run, "emulate": emulate, "order": order})
+COMMANDS: MappingProxyType[str, Command] = MappingProxyType(
+    {"run": run, "check": check, "emulate": emulate, "order": order}
+)

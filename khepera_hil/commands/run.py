@@ -25,11 +25,12 @@ from khepera_hil.commands.parser import Parser, baud, existing_name, number, see
 from khepera_hil.commands.signals import heeded
 from khepera_hil.controllers import PROGRAMS
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
+from khepera_hil.faults import Specification
 from khepera_hil.follower import Follower
 from khepera_hil.guarding import Guarding, Process, Unguarded, limit
 from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link
-from khepera_hil.opening import Port, close_port, descriptor, open_port
+from khepera_hil.opening import Port, close_port, descriptor, open_port, reopen
 from khepera_hil.orders import OrderSocket
 from khepera_hil.quantiles import Quantiles
 from khepera_hil.realtime import Collector, ask_for_realtime
@@ -47,6 +48,7 @@ DEFAULT_WORLD = "furnished"
 _TERMINAL = "the terminal"
 EPILOG = """\
 commands:
+  khepera-hil check ...     a robot, its line and this computer, before anything moves (see its --help)
   khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program (see its --help)
   khepera-hil order ...     an order to a run that is going on: stop, resume, vigil on ... (see its --help)
 
@@ -68,7 +70,7 @@ def main(arguments: Sequence[str]) -> int:
         return 0
     existing_name("program", asked.program, list(PROGRAMS))
     chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
-    url = port_url(asked.port, asked.world, fast=asked.fast, seed=chosen_seed)
+    url = port_url(asked.port, asked.world, fast=asked.fast, seed=chosen_seed, faults=asked.faults)
     # From here on pyserial knows emulator:// (a module protocol_emulator in our package of handlers).
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
@@ -76,8 +78,8 @@ def main(arguments: Sequence[str]) -> int:
     plan(asked.program, controller.needs, baud=asked.baud, period=asked.period, verify=asked.verify)
     if asked.realtime:
         for refusal in ask_for_realtime():
-            print(f"khepera-hil: {refusal}", file=sys.stderr)
-    port = open_port(url, asked.baud)
+            _remark(refusal)
+    port = open_port(url, asked.baud, _remark)
     clock: Clock = getattr(port, "clock", None) or WallClock()
     try:
         guard = _guard(port, asked)
@@ -95,7 +97,7 @@ def main(arguments: Sequence[str]) -> int:
             verify=asked.verify,
             witness=getattr(port, "witness", None),
             guard=guard,
-            reopen=None if hasattr(port, "witness") else partial(_reopened, stable_name(url), asked.baud, clock),
+            reopen=partial(_reopened, port, stable_name(url), asked.baud, clock),
             resume=asked.resume,
             patience=asked.patience,
             idle=between.idle,
@@ -111,16 +113,15 @@ def _guard(port: Port, asked: argparse.Namespace) -> Guarding:
     if descriptor(port) is not None:
         return Process(limit(asked.period))
     if not hasattr(port, "witness"):
-        print(
-            f"khepera-hil: {asked.port} has no descriptor, so there is no guard: "
-            "should this process be killed, the wheels keep their speed",
-            file=sys.stderr,
+        _remark(
+            f"{asked.port} has no descriptor, so there is no guard: "
+            "should this process be killed, the wheels keep their speed"
         )
     return Unguarded()
 
 
-def _reopened(name: str, baud: int, clock: Clock) -> Khepera:
-    return Khepera(Link(open_port(name, baud), clock, baud=baud))
+def _reopened(port: Port, name: str, baud: int, clock: Clock) -> Khepera:
+    return Khepera(Link(reopen(port, name, baud), clock, baud=baud))
 
 
 class _Between:
@@ -242,6 +243,10 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
     return failure
 
 
+def _remark(sentence: str) -> None:
+    print(f"khepera-hil: {sentence}", file=sys.stderr)
+
+
 def _rerun() -> str:
     """How the viewer is called here: it is installed beside the interpreter, which may not be on the PATH."""
     beside = Path(sys.executable).parent / "rerun"
@@ -256,13 +261,13 @@ def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
     return {name: None if value is None else round(1e3 * value, 3) for name, value in found.items()}
 
 
-def port_url(port: str, world: str | None, *, fast: bool, seed: int) -> str:
+def port_url(port: str, world: str | None, *, fast: bool, seed: int, faults: str | None = None) -> str:
     """What pyserial is asked to open. Only the in-process emulator has a world and a simulated clock."""
     for flag, text in (("--port", port), ("--world", world)):
         if text == "":
             raise UsageError(f"{flag} is empty; leave it out for the emulator in its usual arena")
     if port.partition(":")[0].lower() != "emulator":
-        for flag, given in (("--fast", fast), ("--world", world is not None)):
+        for flag, given in (("--fast", fast), ("--world", world is not None), ("--faults", faults is not None)):
             if given:
                 raise UsageError(f"{flag} goes with --port emulator only; {port} is a robot of its own")
         return port
@@ -274,11 +279,14 @@ def port_url(port: str, world: str | None, *, fast: bool, seed: int) -> str:
     if world is not None and named and named != world:
         raise UsageError(f"--port {port} and --world {world} name two different worlds; leave one of them out")
     query = dict(parse_qsl(parts.query, keep_blank_values=True))
-    for key, flag in (("seed", "--seed"), ("clock", "--fast")):
+    for key, flag in (("seed", "--seed"), ("clock", "--fast"), ("faults", "--faults")):
         if key in query:
             raise UsageError(f"{key} does not go into the port's name; say {flag}")
     query |= {"seed": str(seed), "clock": "simulated" if fast else "wall"}
-    return f"emulator://{quote(world) if world else named or DEFAULT_WORLD}?{urlencode(query)}"
+    if faults is not None:
+        Specification.parse(faults)  # a mistake is told before anything else happens
+        query["faults"] = faults
+    return f"emulator://{quote(world) if world else named or DEFAULT_WORLD}?{urlencode(query, quote_via=quote)}"
 
 
 def _world_of(url: str) -> str:
@@ -321,6 +329,11 @@ def _parser() -> Parser:
         "--world",
         metavar="ARENA",
         help=f"of the in-process emulator: a name of --list or a TOML file (default: {DEFAULT_WORLD})",
+    )
+    add(
+        "--faults",
+        metavar="SPEC",
+        help="faults of the line of the in-process emulator, such as flip=1e-3,late=0.01,disconnect@30+5",
     )
     add("--fast", action="store_true", help="simulated time, as quick as the machine can; in-process emulator only")
     add(

@@ -1,8 +1,10 @@
-"""``emulator://ARENA?seed=N&clock=wall|simulated&baud=B``: a pyserial port with an emulated robot behind it.
+"""``emulator://ARENA?seed=N&clock=wall|simulated&baud=B&faults=SPEC``: an emulated robot as a port.
 
 ARENA is an arena's name or the path of a TOML file (``emulator:///home/me/arena.toml``), ``furnished`` when
 there is none; ``seed`` is 0 by default, ``clock`` the wall's, ``baud`` the rate that the port is opened with
-(give another one, and the line is garbled). Each opening switches on a new robot in a new world.
+(give another one, and the line is garbled); ``faults`` are injected into the line (see
+:mod:`khepera_hil.faults`). Each opening switches on a new robot in a new world; but a line that such a fault has
+unplugged is plugged in again by opening the same object anew, and meanwhile the robot went on as robots do.
 
 Everything runs in the caller's thread: the world is moved on when the port is used, as far as the clock
 says; with the simulated clock it is the reading and the sleeping that move the clock.
@@ -10,6 +12,7 @@ says; with the simulated clock it is the reading and the sleeping that move the 
 
 from __future__ import annotations
 
+import errno
 import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -18,9 +21,12 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 import serial
 from serial.serialutil import SerialBase
 
+from khepera_hil import chance
 from khepera_hil.clock import Clock, SimulatedClock, WallClock
+from khepera_hil.disturbed import Disturbed
 from khepera_hil.emulator import Emulator
 from khepera_hil.errors import UsageError
+from khepera_hil.faults import Faults, Specification
 from khepera_hil.uart import FIFO_16550
 from khepera_hil.world import World
 
@@ -32,7 +38,7 @@ __all__ = ["Serial", "Witness"]
 _DRIVER_BUFFER = 4096
 """Characters that the host's driver takes before ``write`` has to wait, as a Linux terminal does."""
 
-_KEYS = ("seed", "clock", "baud")
+_KEYS = ("seed", "clock", "baud", "faults")
 _CLOCKS: dict[str, type[WallClock] | type[SimulatedClock]] = {"wall": WallClock, "simulated": SimulatedClock}
 
 
@@ -77,6 +83,10 @@ class Serial(SerialBase):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self._emulator: Emulator | None = None
         self._input = bytearray()
+        self.faults: Faults | None = None
+        """What is done to the line, where anything is."""
+        self.unplugged = False
+        """Whether a fault has unplugged the line: opened again, it leads to the same robot."""
         super().__init__(*args, **kwargs)
 
     def open(self) -> None:
@@ -85,9 +95,22 @@ class Serial(SerialBase):
             raise serial.SerialException("Port is already open.")
         if self.port is None:
             raise serial.SerialException("Port must be configured before it can be used.")
-        arena, seed, make_clock, baud = _parsed(self.port)
+        if self.unplugged and isinstance(self._emulator, Disturbed):
+            if not self._emulator.plug_in(self.clock.now()):
+                raise serial.SerialException(
+                    errno.ENOENT, f"could not open port {self.port}: the line is unplugged"
+                )
+            self._input.clear()
+            self.unplugged, self.is_open = False, True
+            return
+        arena, seed, make_clock, baud, faults = _parsed(self.port)
         world = World(arena, seed)
-        self._emulator = Emulator(world, baud or self.baudrate, host_baud=self._checked_baudrate(), fifo=FIFO_16550)
+        line: dict[str, Any] = {"host_baud": self._checked_baudrate(), "fifo": FIFO_16550}
+        if faults is None:
+            self._emulator = Emulator(world, baud or self.baudrate, **line)
+        else:
+            self.faults = Faults(faults, chance.streams(seed)["line"])
+            self._emulator = Disturbed(world, baud or self.baudrate, faults=self.faults, **line)
         self._input.clear()
         clock = make_clock()
         if isinstance(clock, SimulatedClock):
@@ -97,10 +120,12 @@ class Serial(SerialBase):
         self.witness = Witness(world, self._catch_up)
 
     def close(self) -> None:
-        """Let go of the robot; its world stands still from now on."""
+        """Let go of the robot; its world stands still from now on, unless the line was unplugged."""
         if self.is_open:
             self._catch_up()
             self.is_open = False
+            if self.unplugged:
+                return
             if isinstance(self.clock, SimulatedClock):
                 self.clock.on_advance = None
 
@@ -178,12 +203,15 @@ class Serial(SerialBase):
     def _pump(self, robot: Emulator) -> float:
         """Take over what has come by now."""
         now = self.clock.now()
+        if isinstance(robot, Disturbed) and robot.unplugged(now):
+            self.unplugged = True
+            raise serial.SerialException(errno.EIO, "the line is unplugged")
         self._input += robot.transmitted(now)
         return now
 
     def _catch_up(self) -> float:
         now = self.clock.now()
-        if self.is_open and self._emulator is not None:
+        if (self.is_open or self.unplugged) and self._emulator is not None:
             self._emulator.advance(now)
         return now
 
@@ -205,12 +233,15 @@ class Serial(SerialBase):
     def _update_break_state(self) -> None: ...
 
 
-def _parsed(url: str) -> tuple[str, int, Callable[[], WallClock | SimulatedClock], int | None]:
-    """Arena, seed, clock and the robot's rate (None: the port's). Raises UsageError."""
+def _parsed(
+    url: str,
+) -> tuple[str, int, Callable[[], WallClock | SimulatedClock], int | None, Specification | None]:
+    """Arena, seed, clock, the robot's rate (None: the port's) and faults. Raises UsageError."""
     parts = urlsplit(url)
     arena = unquote(parts.netloc + parts.path) or "furnished"
     given: dict[str, str] = {}
-    for key, value in parse_qsl(parts.query, keep_blank_values=True):
+    # A plus is a plus here, as in disconnect@30+5, and no blank.
+    for key, value in parse_qsl(parts.query.replace("+", "%2B"), keep_blank_values=True):
         if key not in _KEYS:
             raise UsageError(f"emulator:// knows no {key!r}; there are {', '.join(_KEYS)}")
         given[key] = value
@@ -222,6 +253,7 @@ def _parsed(url: str) -> tuple[str, int, Callable[[], WallClock | SimulatedClock
         _whole("seed", given.get("seed", "0")),
         _CLOCKS[clock],
         _whole("baud", given["baud"]) if "baud" in given else None,
+        Specification.parse(given["faults"]) if "faults" in given else None,
     )
 
 
