@@ -31,7 +31,7 @@ except ImportError:  # a host without termios cannot raise its error either
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-__all__ = ["PORT_ERRORS", "WRITE_TIMEOUT", "Port", "close_port", "open_port", "reopen", "rivals"]
+__all__ = ["PORT_ERRORS", "WRITE_TIMEOUT", "Port", "close_port", "descriptor", "open_port", "reopen", "rivals"]
 
 WRITE_TIMEOUT = 0.08
 """Seconds for a request of a few bytes to be taken by the host; only a peer that stopped reading needs more."""
@@ -186,6 +186,19 @@ def close_port(port: Port) -> None:
         port.close()
     if line is not None:
         line.close()  # pyserial leaves a socket open whose peer went first
+
+
+def descriptor(port: Port) -> int | None:
+    """The descriptor by which another process can write to an open port; None for a port that has none.
+
+    What is written to a device, a socket or a port server's socket comes out at the robot as it is.
+    """
+    line = _socket_of(port)
+    try:
+        number = line.fileno() if line is not None else port.fileno()  # type: ignore[attr-defined] # of some kinds only
+    except (OSError, AttributeError, ValueError):
+        return None
+    return number if isinstance(number, int) and number >= 0 else None
 
 
 def _unopened(url: str, baud: int) -> serial.Serial | _PortServer:
