@@ -22,6 +22,9 @@ _SAMPLE = 9 / 16
 """Where in a bit it is read: on the tick after its middle, of the sixteen that a UART cuts a bit into. It never
 falls on an edge of a sender at another of the usual rates."""
 
+_ROUNDING = 1e-9
+"""Seconds by which moments that were reckoned in two ways may differ."""
+
 _STOP = 9
 """Bits before the stop bits: 1 start, 8 data."""
 
@@ -64,13 +67,14 @@ class Line:
         if self._frames:
             self._sample(moment)
         bit = 1 / self.receiver  # the sender's too, of what was to arrive without sampling
-        late = [(arrival, byte) for arrival, byte in self._ready if arrival > moment]
+        edge = moment + _ROUNDING
+        late = [(arrival, byte) for arrival, byte in self._ready if arrival > edge]
         if late:
-            self._ready = deque(entry for entry in self._ready if entry[0] <= moment)
+            self._ready = deque(entry for entry in self._ready if entry[0] <= edge)
             self._frames.extendleft(
                 (arrival - BITS_PER_CHARACTER * bit, byte, bit) for arrival, byte in reversed(late)
             )
-            self._deaf_until = max(self._deaf_until, moment)
+            self._deaf_until = max(self._deaf_until, moment - _ROUNDING)
         self.receiver = receiver
 
     def arrived(self, now: float, until: bytes = b"") -> list[tuple[float, int]]:
@@ -102,7 +106,7 @@ class Line:
         self._frames = deque(
             (start, byte, bit)
             for start, byte, bit in self._frames
-            if start + BITS_PER_CHARACTER * bit <= now + 1e-9
+            if start + BITS_PER_CHARACTER * bit <= now + _ROUNDING
         )
         self.free = min(self.free, now)
 

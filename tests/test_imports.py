@@ -166,7 +166,8 @@ TABLE: dict[str, set[str]] = {
     "khepera_hil.onlooker": {"khepera_hil.recording", "khepera_hil.world"},
     # the rim
     "khepera_hil.recording": {"khepera_hil.errors", "numpy"},
-    "khepera_hil.reading": {"khepera_hil.recording", "khepera_hil.errors"},
+    "khepera_hil.kinds": {"khepera_hil.recording"},
+    "khepera_hil.reading": {"khepera_hil.kinds", "khepera_hil.recording", "khepera_hil.errors"},
     "khepera_hil.replay": {
         "brp",
         "numpy",
