@@ -150,6 +150,7 @@ class Scene:
         self._version = 0
         self._near: _Near | None = None
         self._shading: dict[object, tuple[int, float, float, list[Solid]]] = {}
+        self._rows: tuple[list[Solid], int, Array, Array] = [], -1, np.empty(0), np.empty(0)
         self.brightest = max((shape.reflectance for shape in shapes), default=0.0)
         """The greatest reflectance of anything in it."""
 
@@ -280,31 +281,22 @@ class Scene:
             known = self._shading[key] = self._version, x, y, wide
         return self.between((x, y), lamp, _ROBOT + width, known[3]) if known[3] else known[3]
 
-    def shaded(
-        self,
-        solids: Sequence[Solid],
-        lamp: tuple[float, float, float],
-        width: float,
-        starts: Array,
-        sides: Array,
-    ) -> Array:
-        """The share of a lamp that the solids hide from each place, of three lines of sight: shape (n,).
+    def shaded(self, solids: list[Solid], lamp: tuple[float, float, float], lines: Array) -> NDArray[np.bool_]:
+        """Whether the solids hide a lamp (x, y, height) along straight lines to it, shape (n,) of bool.
 
-        ``starts`` are the places, shape (n, 2), at the scene's level; ``sides`` unit vectors across the way to the
-        lamp, of the same shape.
+        ``lines`` are their starts at the scene's level, their ways and these ways' lengths, shape (5, n).
         """
-        rows = [(*edge[:4], solid.shape.height) for solid in solids for edge in solid.edges]
-        edges = np.array(rows).reshape(-1, 5)
-        rows = [(solid.x, solid.y, solid.radius, solid.shape.height, 0.0) for solid in solids if not solid.edges]
-        discs = np.array(rows).reshape(-1, 5)[:, :4]
-        rims = np.array([-width, 0.0, width])[:, None, None] * sides + lamp[:2]
-        way_x, way_y = (rims - starts).reshape(-1, 2).T
-        from_x, from_y = np.tile(starts.T, 3)
-        length = np.maximum(np.hypot(way_x, way_y), 1e-9)
+        if self._rows[1] != self._version or solids != self._rows[0]:
+            rows = [(*edge[:4], solid.shape.height) for solid in solids for edge in solid.edges]
+            discs_ = [(s.x, s.y, s.radius, s.shape.height) for s in solids if not s.edges]
+            columns = np.array(rows).reshape(-1, 5).T[:, :, None], np.array(discs_).reshape(-1, 4).T[:, :, None]
+            self._rows = solids, self._version, *columns
+        _, _, edges, discs = self._rows
+        from_x, from_y, way_x, way_y, length = lines
         first, rise = -_TOUCHING / length, lamp[2] - self.level
         hidden = np.zeros(len(way_x), bool)
-        if len(edges):
-            x, y, along_x, along_y, height = edges.T[:, :, None]
+        if edges.size:
+            x, y, along_x, along_y, height = edges
             # A line is lowest where it enters a shape, so the faces that look away do not matter.
             across = np.minimum(way_x * along_y - way_y * along_x, -1e-12)
             away_x, away_y = x - from_x, y - from_y
@@ -312,16 +304,15 @@ class Scene:
             t = (away_x * along_y - away_y * along_x) / across
             crossed = (np.abs(u - 0.5) <= 0.5) & (t >= first) & (t <= 1)
             hidden |= (crossed & (height > self.level + rise * np.maximum(t, 0))).any(0)
-        if len(discs):
-            x, y, radius, height = discs.T[:, :, None]
+        if discs.size:
+            x, y, radius, height = discs
             away_x, away_y = x - from_x, y - from_y
             middle = (away_x * way_x + away_y * way_y) / length
             square = middle * middle - away_x * away_x - away_y * away_y + radius * radius
             t = (middle - np.sqrt(np.maximum(square, 0))) / length
             crossed = (square > 0) & (t >= first) & (t <= 1)
             hidden |= (crossed & (height > self.level + rise * np.maximum(t, 0))).any(0)
-        share: Array = hidden.reshape(3, -1).sum(0) / 3
-        return share
+        return hidden
 
     def between(
         self,
