@@ -25,7 +25,7 @@ from khepera_hil.commands.parser import Parser, baud, existing_name, number, see
 from khepera_hil.commands.signals import heeded
 from khepera_hil.controllers import PROGRAMS
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
-from khepera_hil.faults import Specification
+from khepera_hil.faultspec import Specification
 from khepera_hil.follower import Follower
 from khepera_hil.guarding import Guarding, Process, Unguarded, limit
 from khepera_hil.khepera import Khepera
