@@ -12,6 +12,7 @@ import os
 import socket
 import struct
 import termios
+import time
 import tty
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, contextmanager
@@ -30,6 +31,9 @@ REFUSAL = b"khepera-hil: the robot has a client already, and takes one at a time
 _AT_ONCE = 4096  # bytes taken from a client in one go
 _REFUSED = 8  # refused clients that may still be reading their line
 _SILENT = (10, 5, 3)  # s until a silent client is asked for a sign of life, between such questions, and how many
+
+_TIOCGEXCL = 0x80045440
+_LOCK_LOOKED_AT = 1.0  # s, since it takes some milliseconds
 
 _TCGETS2 = 0x802C542A  # Linux: a rate as a number, also one that has no name
 
@@ -74,6 +78,7 @@ class _PseudoTerminal:
         self._link, self._baud = link, baud
         self._open = ExitStack()
         self._master: int | None = None
+        self._look_again = 0.0
         self.plug_in()
 
     @property
@@ -98,7 +103,17 @@ class _PseudoTerminal:
                 return
 
     def said_all(self) -> None:
-        """Who opens a terminal, and when, is not seen from here."""
+        """Who opens a terminal, and when, is not seen from here; but who locked it may be gone with the lock left.
+
+        A client may ask that nobody else opens the terminal (Java's jSerialComm does). On a real port this ends
+        with its last user; here we hold it open.
+        """
+        if self._master is None or not _flag(self._slave, _TIOCGEXCL):
+            return
+        if time.monotonic() >= self._look_again:
+            self._look_again = time.monotonic() + _LOCK_LOOKED_AT
+            if not _held_by_others(self.device, self._slave):
+                fcntl.ioctl(self._slave, termios.TIOCNXCL)
 
     def unplug(self) -> None:
         self._master = None
@@ -153,6 +168,21 @@ def _linked(link: Path, device: str) -> Iterator[None]:
     finally:
         if link.is_symlink() and str(link.readlink()) == device:
             link.unlink()
+
+
+def _flag(descriptor: int, question: int) -> bool:
+    (answer,) = struct.unpack("i", fcntl.ioctl(descriptor, question, bytes(4)))
+    return bool(answer)
+
+
+def _held_by_others(device: str, ours: int) -> bool:
+    """Whether anybody whose descriptors we may see has ``device`` open, but for our own descriptor."""
+    mine = Path(f"/proc/{os.getpid()}/fd/{ours}")
+    for descriptor in Path("/proc").glob("[0-9]*/fd/*"):
+        with contextlib.suppress(OSError):  # closed since, or not ours to look at
+            if descriptor != mine and os.readlink(descriptor) == device:
+                return True
+    return False
 
 
 class _TcpPort:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterable
 
 from khepera_hil.protocol import BITS_PER_CHARACTER
 
@@ -46,6 +47,11 @@ class Line:
         # The waveform that a receiver of another rate has still to sample: start and byte and bit time.
         self._frames: deque[tuple[float, int, float]] = deque()
         self._deaf_until = 0.0
+
+    @property
+    def pending(self) -> bool:
+        """Whether anything is on the line, or has arrived and was not taken out."""
+        return bool(self._ready or self._frames)
 
     def send(self, data: bytes, now: float) -> None:
         """Put ``data`` on the line behind what is already there."""
@@ -180,15 +186,17 @@ class Fifo:
         self._held = bytearray()
         self._due = 0.0
 
-    def put(self, moment: float, byte: int, baud: int) -> None:
-        """A byte that arrived, or certainly will, at ``moment``; bytes come in their order."""
-        if self._held and moment >= self._due:
-            self._hand_over(self._due)
-        self._held.append(byte)
-        if len(self._held) >= self.size:
-            self._hand_over(moment)
-        else:
-            self._due = moment + _QUIET_CHARACTERS * BITS_PER_CHARACTER / baud
+    def put(self, entries: Iterable[tuple[float, int]], baud: int) -> None:
+        """Bytes with the moments at which they arrived, or certainly will; they come in their order."""
+        held, size, rest = self._held, self.size, _QUIET_CHARACTERS * BITS_PER_CHARACTER / baud
+        for moment, byte in entries:
+            if held and moment >= self._due:
+                self._hand_over(self._due)
+            held.append(byte)
+            if len(held) >= size:
+                self._hand_over(moment)
+            else:
+                self._due = moment + rest
 
     def shown(self, now: float) -> bytes:
         """Take out what the driver has been handed by ``now``."""

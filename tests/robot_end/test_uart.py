@@ -109,8 +109,8 @@ def test_a_byte_arrives_with_its_last_stop_bit() -> None:
 def test_the_fifo_hands_over_fourteen_or_what_has_rested_for_four_characters() -> None:
     fifo, baud = Fifo(14), 38400
     character = 11 / baud
-    for place in range(20):
-        fifo.put((place + 1) * character, place, baud)
+    fifo.put((((place + 1) * character, place) for place in range(9)), baud)
+    fifo.put((((place + 1) * character, place) for place in range(9, 20)), baud)
     assert fifo.next_show() == 14 * character
     assert fifo.shown(13.9 * character) == b""
     assert fifo.shown(14 * character) == bytes(range(14))
