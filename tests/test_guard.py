@@ -223,6 +223,18 @@ def test_a_guard_that_is_killed_is_missed_with_the_next_beat(process: Process, l
         process.moving()
 
 
+def test_a_guard_that_takes_no_beats_is_as_good_as_gone(process: Process, line: Line) -> None:
+    process.watch(line.slave)
+    os.kill(process.pid, signal.SIGSTOP)
+    said = ""
+    while not said:
+        try:
+            process.moving()
+        except GuardLost as error:
+            said = str(error)
+    assert "takes no beats" in said
+
+
 def test_a_guard_that_does_not_start_is_told_as_such(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "guard.py").write_text("")
     monkeypatch.setattr(guard, "__file__", str(tmp_path / "guard.py"))
