@@ -44,6 +44,7 @@ class Conduct:
             {
                 "key": key,
                 "name": name,
+                "description": " ".join(self._controller.questions[key].names),
                 "variables": variables,
                 "values": values,
                 "main": key == self._controller.decides,

@@ -13,7 +13,8 @@
     |-- GuardLost                  7  the guard, which would stop the wheels in our place, is not there
     |-- WireTooSlow                5  what a tick needs does not fit into the period at this baud rate
     |-- WorldError                 2  an arena that cannot be read or furnished
-    |-- RecordingError             6  the run's folder cannot be written
+    |-- RecordingError             6  the run's folder cannot be written, or read back
+    |-- ViewerError                1  the viewer is not there, or cannot draw here
     |-- OrderRefused               8  an order that no running program takes
     `-- ProtocolError              1  bytes that are not in the protocol's grammar (raised by ``protocol`` only)
 
@@ -38,6 +39,7 @@ __all__ = [
     "RobotError",
     "RobotReset",
     "UsageError",
+    "ViewerError",
     "WireTooSlow",
     "WorldError",
 ]
@@ -116,6 +118,10 @@ class RecordingError(KheperaHilError):
     """The run's folder cannot be written, or read back."""
 
     exit_code = 6
+
+
+class ViewerError(KheperaHilError):
+    """The viewer is not installed, or cannot draw here."""
 
 
 class OrderRefused(KheperaHilError):

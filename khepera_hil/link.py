@@ -25,6 +25,7 @@ from khepera_hil.errors import (
 )
 from khepera_hil.opening import PORT_ERRORS, Port, close_port, rivals
 from khepera_hil.protocol import COMMANDS, encode_request, is_refusal, parse_answer, wire_seconds
+from khepera_hil.turrets import longest_turret_answer, parse_turret_answer
 
 __all__ = ["MARGIN", "Counters", "Link"]
 
@@ -261,6 +262,8 @@ class Link:
         if letter in self._last_asked:
             self._last_asked[letter] = self._asked
         longest = COMMANDS[letter].longest_answer
+        if letter == "T":
+            longest = longest_turret_answer(int(values[0]), str(values[1])) or longest
         allowed = wire_seconds(len(request) + longest, self.baud) + self.margin
         deadline = self.clock.now() + allowed
         self._write(request)
@@ -285,10 +288,10 @@ class Link:
             raise Refused(f"the robot refused {request[:60]!r}: {bytes(answer[:60])!r}")
         try:
             result = parse_answer(letter, bytes(answer))
+            if letter == "T":
+                _check_turret(values, result)
         except ProtocolError as error:
             raise BadAnswer(str(error)) from error
-        if COMMANDS[letter].form == "turret" and not _same_turret(values, result):
-            raise BadAnswer(f"another turret's answer to {request!r}: {bytes(answer[:60])!r}")
         return answer[:-2].decode("ascii"), result
 
     def _rivals(self, error: RobotError) -> str:
@@ -357,6 +360,12 @@ class Link:
         return LinkLost(self._lost)
 
 
-def _same_turret(asked: tuple[int | str, ...], answered: tuple[int | str, ...]) -> bool:
-    """Whether turret and letter of an answer are those of the request."""
-    return asked[0] == answered[0] and str(asked[1])[:1].lower() == str(answered[1])[:1]
+def _check_turret(asked: tuple[int | str, ...], answered: tuple[int | str, ...]) -> None:
+    """Hold a turret's answer to what was asked, and strictly where its tables know it. Raises ProtocolError."""
+    number, command = int(asked[0]), str(asked[1])[:1]
+    if answered[0] != number or str(answered[1])[:1] != command.lower():
+        raise ProtocolError(
+            f"asked T,{number},{command}, got another's answer: t,{answered[0]},{answered[1]}"[:120]
+        )
+    if longest_turret_answer(number, command) is not None:
+        parse_turret_answer(number, command, str(answered[1]))

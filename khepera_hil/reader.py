@@ -7,10 +7,11 @@ from math import inf
 from typing import NoReturn
 
 from khepera_hil.budget import SPEEDS, Plan
-from khepera_hil.errors import BadAnswer, Implausible, RobotError, RobotReset
+from khepera_hil.errors import BadAnswer, Implausible, ProtocolError, RobotError, RobotReset
 from khepera_hil.khepera import Khepera
 from khepera_hil.perception import Need, Readings
 from khepera_hil.plausible import TRUST, alone, doubtful, settled, sudden
+from khepera_hil.transcript import numbers
 
 __all__ = ["Checks", "Reader"]
 
@@ -106,14 +107,10 @@ class Reader:
         raise Implausible(f"{letter} at {_SENSORS[place]} reads {values}: {why}")
 
     def _other(self, need: Need) -> tuple[int | str, ...]:
-        values = self.khepera.link.ask(need.letter, *need.values)
-        if need.letter != "T":
-            return values
-        letter, *words = str(values[1]).split(",")
         try:
-            return (letter, *map(int, words))
-        except ValueError:
-            raise BadAnswer(f"the turret's answer to {need} is no list of numbers: {values[1]!r}") from None
+            return numbers(need, self.khepera.link.ask(need.letter, *need.values))
+        except ProtocolError as error:
+            raise BadAnswer(str(error)) from error
 
     def _read_back(self) -> None:
         """Compare the measured speeds with the orders of the last two ticks, between which the wheels may be."""

@@ -23,6 +23,7 @@ from khepera_hil.reader import Reader
 from khepera_hil.reconnection import Reconnection
 from khepera_hil.recording import Recording, Tick
 from khepera_hil.scheduler import Beat, beats
+from khepera_hil.transcript import name_of
 from khepera_hil.wheels import Wheels
 from khepera_hil.witness import Sight, Witness
 
@@ -373,11 +374,8 @@ class Service:
     def _heard(self, request: bytes, answer: bytes) -> None:
         # What came although nobody had asked stands under "?"; it is only ever there when the line was in trouble.
         text = answer.decode("ascii", "backslashreplace").rstrip("\r\n")
-        if asked := request.strip().decode("ascii"):
-            # A letter says enough, but where one has many questions; what is read again in a tick is numbered.
-            name = asked if asked[0] in "IRT" else asked[0]
-            again = sum(known.partition(" ")[0] == name for known in self._raw)
-            self._raw[f"{name} {again + 1}" if again else name] = text
+        if request.strip():
+            self._raw[name_of(request, self._raw)] = text
         elif text:
             self._raw["?"] = (self._raw.get("?", "") + text)[-500:]
         self._guard.beat()  # a tick on a bad line may take longer than the guard would wait

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from khepera_hil.recording import Pose, Tick
@@ -19,6 +19,9 @@ class Witness(Protocol):
     def poses(self) -> Mapping[str, Pose]:
         """The true poses of everything that moves or can be moved, the robot (``robot``) among it."""
 
+    def orders(self) -> Sequence[tuple[str, bool]]:
+        """The operator's orders since the last time, and whether each is switched on."""
+
 
 class Sight:
     """Notes the robot's pose in each tick, and those of other things when they have changed."""
@@ -28,10 +31,11 @@ class Sight:
         self._told: dict[str, Pose] = {}
 
     def note(self, tick: Tick) -> None:
-        """Fill ``tick.pose`` and ``tick.moved``."""
+        """Fill ``tick.pose`` and ``tick.moved``, and ``tick.orders`` with what a scenario's operator ordered."""
         if self._witness is None:
             return
         tick.pose = _rounded(self._witness.pose())
+        tick.orders = [f"{order} {'on' if on else 'off'}" for order, on in self._witness.orders()]
         for name, pose in self._witness.poses().items():
             seen = _rounded(pose)
             if name != "robot" and self._told.get(name) != seen:

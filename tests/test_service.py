@@ -253,6 +253,6 @@ def test_errors_of_ours_have_the_exit_codes_that_their_tree_says() -> None:
     assert errors.__doc__ is not None
     names = r"\w+Error|\w+Lost|\w+Answer|\w*Refused|RobotReset|Implausible|WireTooSlow"
     said = dict(re.findall(rf"^ *[|`]?.*?({names}) +(\d)", errors.__doc__, re.M))
-    assert len(said) == 15
+    assert len(said) == 16
     for name, code in said.items():
         assert getattr(errors, name).exit_code == int(code)

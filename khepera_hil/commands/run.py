@@ -6,7 +6,6 @@ import argparse
 import json
 import os
 import secrets
-import shutil
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
@@ -40,22 +39,30 @@ from khepera_hil.service import PATIENCE, Service
 from khepera_hil.systemd import Manager
 from khepera_hil.terminal import Terminal
 from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
-from khepera_hil.world import arenas
+from khepera_hil.viewer.live import Address, address, open_live
+from khepera_hil.viewer.program import has_screen, program
+from khepera_hil.world import arenas, load_scenario, scenarios
 
 __all__ = ["main"]
 
 DEFAULT_WORLD = "furnished"
+LOCAL = "127.0.0.1"
 _TERMINAL = "the terminal"
 EPILOG = """\
 commands:
-  khepera-hil check ...     a robot, its line and this computer, before anything moves (see its --help)
-  khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program (see its --help)
-  khepera-hil order ...     an order to a run that is going on: stop, resume, vigil on ... (see its --help)
+  khepera-hil check         a robot, its line and this computer, before anything moves
+  khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program
+  khepera-hil order         an order to a run that is going on: stop, resume, vigil on ...
+  khepera-hil runs          list recorded runs
+  khepera-hil review RUN    open one in the viewer, or make a picture of it
+  khepera-hil replay RUN    ask its questions again, or ask another program on the same readings
+  khepera-hil compare RUN RUN, explain RUN, export RUN      (each has its --help)
 
 examples:
   khepera-hil --program home --duration 60                    on the emulated robot
   khepera-hil --port /dev/ttyS0 --program avoid               on a robot, until Ctrl-C
   khepera-hil --program home --fast --duration 120 --seed 3   simulated time, repeatable
+  khepera-hil --program avoid --serve                         with a page for browsers to look on
 
 exit codes: 0 ended well (duration, Ctrl-C, SIGTERM, order)  2 wrong arguments  3 port  4 robot
             5 wire too slow  6 recording  7 guard  1 anything else
@@ -69,8 +76,9 @@ def main(arguments: Sequence[str]) -> int:
         _list()
         return 0
     existing_name("program", asked.program, list(PROGRAMS))
+    live = _live(asked)
     chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
-    url = port_url(asked.port, asked.world, fast=asked.fast, seed=chosen_seed, faults=asked.faults)
+    url = port_url(asked.port, asked.world, asked.scenario, fast=asked.fast, seed=chosen_seed, faults=asked.faults)
     # From here on pyserial knows emulator:// (a module protocol_emulator in our package of handlers).
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
@@ -104,8 +112,17 @@ def main(arguments: Sequence[str]) -> int:
         )
         between.service = service
         with closing(service), heeded(service):
-            _run(asked, chosen_seed, url, service, clock, getattr(port, "witness", None), between)
+            _run(asked, chosen_seed, url, service, clock, getattr(port, "witness", None), between, live)
     return 0
+
+
+def _live(asked: argparse.Namespace) -> Address | None:
+    """Where viewers of the running loop are served, if they are."""
+    if asked.view and not has_screen():
+        raise UsageError("there is no screen here to open the viewer on; --serve shows the run in a browser")
+    if not (asked.view or asked.serve):
+        return None
+    return address(asked.serve or LOCAL)
 
 
 def _guard(port: Port, asked: argparse.Namespace) -> Guarding:
@@ -150,6 +167,7 @@ def _run(
     clock: Clock,
     witness: Any,
     between: _Between,
+    live: Address | None,
 ) -> None:
     versions = service.connect()
     manifest: dict[str, Any] = {
@@ -161,7 +179,7 @@ def _run(
         **service.program(),
         "world": None
         if witness is None
-        else {"name": _world_of(url), "size": witness.size(), "shapes": witness.shapes()},
+        else {**_world_of(url), "size": witness.size(), "shapes": witness.shapes()},
     }
     recording = Recording.create(
         asked.runs, program=asked.program, seed=seed, manifest=manifest, started=datetime.now()
@@ -173,6 +191,11 @@ def _run(
         viewer: Follower[Tick] = Follower(opening, name=FILE, waits=clock.simulated)
         recording.follow(viewer)
         viewer.wait_until_open()
+        if live is not None:
+            looking = partial(open_live, recording.manifest, live, page=bool(asked.serve), window=asked.view)
+            recording.follow(Follower(looking, name="the live view", waits=False))
+            if asked.serve:
+                print(f"look on at {live.page} or by: {_rerun()} {live.stream}")
         if sys.stdout is not None:  # nobody looks where it was closed
             sys.stdout.flush()
             recording.follow(Follower(Terminal(sys.stdout, asked.program), name=_TERMINAL, waits=False))
@@ -236,7 +259,7 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
     print(f"stopped ({ending['stop']}) after {ending['ticks']} ticks, {ending['missed']} deadlines missed")
     if ending["score"]:
         print("score: " + ", ".join(f"{name} {value}" for name, value in ending["score"].items()))
-    print(f"recorded in {recording.folder}; to look at it: {_rerun()} {recording.folder / FILE}")
+    print(f"recorded in {recording.folder}; to look at it: khepera-hil review {recording.folder}")
     if as_json:
         about = {name: recording.manifest[name] for name in ("program", "seed")}
         print(json.dumps({"run": str(recording.folder), **about, **ending}))
@@ -249,10 +272,8 @@ def _remark(sentence: str) -> None:
 
 def _rerun() -> str:
     """How the viewer is called here: it is installed beside the interpreter, which may not be on the PATH."""
-    beside = Path(sys.executable).parent / "rerun"
-    if shutil.which("rerun") is None and beside.exists():
-        return os.path.relpath(beside) if beside.is_relative_to(Path.cwd()) else str(beside)
-    return "rerun"
+    path = Path(program())
+    return os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path)
 
 
 def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
@@ -261,13 +282,22 @@ def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
     return {name: None if value is None else round(1e3 * value, 3) for name, value in found.items()}
 
 
-def port_url(port: str, world: str | None, *, fast: bool, seed: int, faults: str | None = None) -> str:
-    """What pyserial is asked to open. Only the in-process emulator has a world and a simulated clock."""
-    for flag, text in (("--port", port), ("--world", world)):
+def port_url(
+    port: str,
+    world: str | None,
+    scenario: str | None = None,
+    *,
+    fast: bool,
+    seed: int,
+    faults: str | None = None,
+) -> str:
+    """What pyserial is asked to open. Only the in-process emulator has worlds, scenarios and a simulated clock."""
+    for flag, text in (("--port", port), ("--world", world), ("--scenario", scenario)):
         if text == "":
             raise UsageError(f"{flag} is empty; leave it out for the emulator in its usual arena")
     if port.partition(":")[0].lower() != "emulator":
-        for flag, given in (("--fast", fast), ("--world", world is not None), ("--faults", faults is not None)):
+        asked = {"--world": world, "--scenario": scenario, "--faults": faults, "--fast": fast or None}
+        for flag, given in ((flag, value is not None) for flag, value in asked.items()):
             if given:
                 raise UsageError(f"{flag} goes with --port emulator only; {port} is a robot of its own")
         return port
@@ -275,32 +305,43 @@ def port_url(port: str, world: str | None, *, fast: bool, seed: int, faults: str
         parts = urlsplit(port if ":" in port else "emulator://")
     except ValueError:
         raise UsageError(f"--port {port} is no name of an emulator; write emulator://ARENA") from None
-    named = parts.netloc + parts.path
+    named = unquote(parts.netloc + parts.path)
     if world is not None and named and named != world:
         raise UsageError(f"--port {port} and --world {world} name two different worlds; leave one of them out")
     query = dict(parse_qsl(parts.query, keep_blank_values=True))
     for key, flag in (("seed", "--seed"), ("clock", "--fast"), ("faults", "--faults")):
         if key in query:
             raise UsageError(f"{key} does not go into the port's name; say {flag}")
+    if scenario is not None and query.setdefault("scenario", scenario) != scenario:
+        raise UsageError(
+            f"--port {port} and --scenario {scenario} name two different scenarios; leave one of them out"
+        )
+    if not (where := world or named) and "scenario" in query:
+        where = load_scenario(query["scenario"]).world or ""
     query |= {"seed": str(seed), "clock": "simulated" if fast else "wall"}
     if faults is not None:
         Specification.parse(faults)  # a mistake is told before anything else happens
         query["faults"] = faults
-    return f"emulator://{quote(world) if world else named or DEFAULT_WORLD}?{urlencode(query, quote_via=quote)}"
+    return f"emulator://{quote(where or DEFAULT_WORLD)}?{urlencode(query, quote_via=quote)}"
 
 
-def _world_of(url: str) -> str:
+def _world_of(url: str) -> dict[str, str | None]:
+    """Name and scenario of the world that a URL is about."""
     parts = urlsplit(url)
-    return unquote(parts.netloc + parts.path)
+    query = dict(parse_qsl(parts.query))
+    return {"name": unquote(parts.netloc + parts.path), "scenario": query.get("scenario")}
 
 
 def _list() -> None:
     print("programs (--program):")
     for name, (does, _) in PROGRAMS.items():
-        print(f"  {name:12} {does}")
+        print(f"  {name:13} {does}")
     print("arenas of the emulator (--world):")
     for name, looks in arenas().items():
-        print(f"  {name:12} {looks}")
+        print(f"  {name:13} {looks}")
+    print("scenarios of the emulator (--scenario):")
+    for name, happens in scenarios().items():
+        print(f"  {name:13} {happens}")
 
 
 def _parser() -> Parser:
@@ -328,7 +369,13 @@ def _parser() -> Parser:
     add(
         "--world",
         metavar="ARENA",
-        help=f"of the in-process emulator: a name of --list or a TOML file (default: {DEFAULT_WORLD})",
+        help=f"of the in-process emulator: a name of --list or a TOML file (default: {DEFAULT_WORLD}, "
+        "or what the scenario was made for)",
+    )
+    add(
+        "--scenario",
+        metavar="NAME",
+        help="what happens in the world of the in-process emulator: a name of --list or a TOML file",
     )
     add(
         "--faults",
@@ -351,6 +398,14 @@ def _parser() -> Parser:
     add("--resume", action="store_true", help="let a robot that was reset drive on by itself")
     add("--realtime", action="store_true", help="ask for SCHED_FIFO and locked memory; a line says when refused")
     add("--runs", type=Path, default=Path("runs"), metavar="DIR", help="where recordings go (default: %(default)s)")
+    add("--view", action="store_true", help="open the viewer on the running loop")
+    add(
+        "--serve",
+        nargs="?",
+        const=LOCAL,
+        metavar="ADDRESS",
+        help="serve the running loop to browsers and viewers, at HOST or HOST:PORT (default: %(const)s)",
+    )
     add("--json", action="store_true", help="the last line on standard output is the result as one JSON object")
-    add("--list", action="store_true", help="list programs and arenas, and end")
+    add("--list", action="store_true", help="list programs, arenas and scenarios, and end")
     return parser

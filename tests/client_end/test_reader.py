@@ -130,10 +130,11 @@ def test_slow_readings_are_taken_once_when_they_are_due() -> None:
 
 
 def test_a_turret_that_talks_nonsense_is_a_bad_answer() -> None:
-    reads, port = reader(Need("T", (2, "O")))
-    port.says[b"T"] = [b"t,2,o,lamp\r\n"]
-    with pytest.raises(BadAnswer, match="T,2,O is no list of numbers"):
-        reads.read(0)
+    for turret, sentence in ((2, "O's pixel is no plain integer"), (7, "T,7,O is no list of numbers")):
+        reads, port = reader(Need("T", (turret, "O")))
+        port.says[b"T"] = [f"t,{turret},o,lamp\r\n".encode()]
+        with pytest.raises(BadAnswer, match=sentence):
+            reads.read(0)
 
 
 # Reading the speeds back
