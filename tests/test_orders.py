@@ -33,12 +33,12 @@ class Service:
 
     def tick(self) -> list[Order]:
         found = self.orders.take()
-        for order in found:
-            self.taken.append(order.words)
-            if order.words == "stop":
-                order.obeyed("it ends")
+        for one in found:
+            self.taken.append(one.words)
+            if one.words == "stop":
+                one.obeyed("it ends")
             else:
-                order.refused(f"no order {order.words}")
+                one.refused(f"no order {one.words}")
         return found
 
     def connect(self) -> socket.socket:
