@@ -81,7 +81,7 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.opening",
     },
     "khepera_hil.reconnection": {"khepera_hil.clock", "khepera_hil.errors", "khepera_hil.khepera"},
-    "khepera_hil.witness": {"khepera_hil.recording"},
+    "khepera_hil.witness": {"khepera_hil.orders", "khepera_hil.recording"},
     "khepera_hil.conduct": {
         "brp",
         "numpy",
