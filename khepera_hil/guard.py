@@ -133,16 +133,14 @@ class Guard:
         with contextlib.suppress(OSError):  # the other end may be gone
             self._pipe.shutdown(socket.SHUT_RD)
         error = _stop(self._port)
+        os.close(self._port)
         done = "could not tell the wheels to stop" if error else "told the wheels to stop"
         line = {"wall": time.time(), "why": why, "sent": error is None, "error": error, "beats": self._beats}
         with contextlib.suppress(OSError):  # the wheels are what counts
             self._write(line)
         with contextlib.suppress(OSError):
             self._pipe.send(TRIPPED + why.encode(), socket.MSG_DONTWAIT)
-        with contextlib.suppress(OSError):  # nobody may be reading
-            text = f"khepera-hil guard: {why}; {done}{f' ({error})' if error else ''}\n"
-            os.write(2, text.encode())
-        os.close(self._port)
+        _say(f"khepera-hil guard: {why}; {done}{f' ({error})' if error else ''}\n")
 
     def _write(self, line: dict[str, object]) -> None:
         if self._folder is None:
@@ -150,6 +148,15 @@ class Guard:
         log = os.open(LOG, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644, dir_fd=self._folder)
         os.write(log, json.dumps(line).encode() + b"\n")
         os.close(log)
+
+
+def _say(text: str) -> None:
+    """On standard error, if it takes a line now: nobody may be reading."""
+    poll = select.poll()
+    poll.register(2, select.POLLOUT)
+    with contextlib.suppress(OSError):
+        if any(event & select.POLLOUT for _, event in poll.poll(0)):
+            os.write(2, text.encode())
 
 
 def _stop(port: int) -> str | None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
+import resource
 import time
 from collections.abc import Callable
 
@@ -18,7 +19,7 @@ __all__ = ["PRIORITY", "Collector", "ask_for_realtime"]
 PRIORITY = 50
 """Of SCHED_FIFO, between 1 and 99; the guard takes a higher one."""
 
-_LOCK_ALL = 1 | 2  # MCL_CURRENT, MCL_FUTURE
+_CURRENT, _FUTURE = 1, 2  # MCL_CURRENT and MCL_FUTURE of mlockall(2)
 
 
 def ask_for_realtime() -> list[str]:
@@ -32,7 +33,9 @@ def ask_for_realtime() -> list[str]:
         refused.append(f"--realtime: SCHED_FIFO was refused ({_why(error)}); the loop runs in the ordinary class")
     try:
         libc = ctypes.CDLL(None, use_errno=True)
-        if libc.mlockall(_LOCK_ALL) != 0:
+        # Under a limit what is taken later must not be locked: the page that does not fit would be refused.
+        unlimited = os.geteuid() == 0 or resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY
+        if libc.mlockall(_CURRENT | _FUTURE if unlimited else _CURRENT) != 0:
             raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
     except (OSError, AttributeError) as error:
         refused.append(f"--realtime: memory could not be locked ({_why(error)}); a page may have to be fetched")

@@ -25,7 +25,7 @@ from khepera_hil.recording import Recording, Tick
 from khepera_hil.scheduler import Beat, beats
 from khepera_hil.transcript import name_of
 from khepera_hil.wheels import Wheels
-from khepera_hil.witness import Sight, Witness
+from khepera_hil.witness import Sight, Staged, Witness
 
 __all__ = ["PATIENCE", "Service"]
 
@@ -41,9 +41,8 @@ class Service:
     ``reopen`` is called, with pauses, until it returns a robot on a new line, for ``patience`` seconds of the
     robot's time; without it a lost line ends the run. A robot that was reset is set in motion again by the order
     ``resume`` only, or with ``resume`` at once. ``idle`` is called after each tick with the seconds left until the
-    next.
-    ``stopwatch`` (seconds) and ``wall`` (Unix time) fill the columns of the log that are the host's own; nothing is
-    decided by them. Raises WireTooSlow for what does not fit into a tick.
+    next. ``stopwatch`` (seconds) and ``wall`` (Unix time) fill the columns of the log that are the host's own;
+    nothing is decided by them. Raises WireTooSlow for what does not fit into a tick.
     """
 
     def __init__(
@@ -82,6 +81,7 @@ class Service:
         self._new_line = False
         self._clock, self._period = clock, period
         self._idle, self._stopwatch, self._wall = idle, stopwatch, wall
+        self._staged: list[Orders] = [] if witness is None else [Staged(witness, self.remark)]
         self._orders: Sequence[Orders] = ()
         self._reason: str | None = None
         self._remarks: list[tuple[str, str]] = []  # what is to be said in the next tick
@@ -138,7 +138,7 @@ class Service:
 
         ``orders`` are looked at at the beginning of each tick.
         """
-        self._orders = orders
+        self._orders = [*self._staged, *orders]
         self.ended = "error"  # until the loop is seen to end well
         try:
             self._guard.record_in(recording.folder)

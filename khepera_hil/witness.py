@@ -1,13 +1,14 @@
-"""What somebody sees of the robot from outside, tick by tick; on a robot of flesh and bone there is nobody."""
+"""What somebody outside sees and orders, tick by tick; on a robot of flesh and bone there is nobody."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
+from khepera_hil.orders import Order
 from khepera_hil.recording import Pose, Tick
 
-__all__ = ["Sight", "Witness"]
+__all__ = ["Sight", "Staged", "Witness"]
 
 
 class Witness(Protocol):
@@ -31,15 +32,29 @@ class Sight:
         self._told: dict[str, Pose] = {}
 
     def note(self, tick: Tick) -> None:
-        """Fill ``tick.pose`` and ``tick.moved``, and ``tick.orders`` with what a scenario's operator ordered."""
+        """Fill ``tick.pose`` and ``tick.moved``."""
         if self._witness is None:
             return
         tick.pose = _rounded(self._witness.pose())
-        tick.orders = [f"{order} {'on' if on else 'off'}" for order, on in self._witness.orders()]
         for name, pose in self._witness.poses().items():
             seen = _rounded(pose)
             if name != "robot" and self._told.get(name) != seen:
                 self._told[name] = tick.moved[name] = seen
+
+
+class Staged:
+    """The orders of a scenario's operator, who belongs to the world. ``remark`` hears of those that are refused."""
+
+    def __init__(self, witness: Witness, remark: Callable[[str, str], None]) -> None:
+        self._witness, self._remark = witness, remark
+
+    def take(self) -> list[Order]:
+        """Those that came since the last call."""
+        return [Order(f"{order} {'on' if on else 'off'}", self._answered) for order, on in self._witness.orders()]
+
+    def _answered(self, answer: dict[str, str]) -> None:
+        if "error" in answer:
+            self._remark("warning", answer["error"])
 
 
 def _rounded(pose: Pose) -> Pose:

@@ -20,8 +20,9 @@ from pathlib import Path
 import pytest
 
 from khepera_hil import guard
-from khepera_hil.errors import GuardLost
+from khepera_hil.errors import GuardLost, PortError
 from khepera_hil.guarding import Process, Unguarded, limit
+from khepera_hil.opening import close_port, descriptor, open_port
 from tests.runs.cli import environment
 
 ROOT = Path(__file__).parents[1]
@@ -223,6 +224,18 @@ def test_a_guard_that_is_killed_is_missed_with_the_next_beat(process: Process, l
         process.moving()
 
 
+def test_a_guard_that_takes_no_beats_is_as_good_as_gone(process: Process, line: Line) -> None:
+    process.watch(line.slave)
+    os.kill(process.pid, signal.SIGSTOP)
+    said = ""
+    while not said:
+        try:
+            process.moving()
+        except GuardLost as error:
+            said = str(error)
+    assert "takes no beats" in said
+
+
 def test_a_guard_that_does_not_start_is_told_as_such(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "guard.py").write_text("")
     monkeypatch.setattr(guard, "__file__", str(tmp_path / "guard.py"))
@@ -309,3 +322,44 @@ def test_a_process_that_is_killed_or_held_up_is_spoken_for(line: Line, tmp_path:
         service.kill()
         service.communicate()
     assert (tmp_path / guard.LOG).exists()
+
+
+def test_devices_and_sockets_can_be_written_to_by_another_process_and_a_loop_cannot(line: Line) -> None:
+    port = open_port(os.ttyname(line.slave), 38400)
+    try:
+        number = descriptor(port)
+        assert number is not None
+        os.write(number, b"D,0,0\n")
+        assert line.heard(6) == b"D,0,0\n"
+    finally:
+        close_port(port)
+    assert descriptor(port) is None, "it is closed"
+    loop = open_port("loop://", 38400)
+    assert descriptor(loop) is None
+    close_port(loop)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        remote = open_port(f"socket://127.0.0.1:{server.getsockname()[1]}", 38400)
+        peer, _ = server.accept()
+        with peer:
+            number = descriptor(remote)
+            assert number is not None
+            os.write(number, b"D,0,0\n")
+            assert peer.recv(10) == b"D,0,0\n"
+        close_port(remote)
+
+
+def test_a_port_that_the_guard_holds_too_can_be_opened_again_once_it_let_go(process: Process, line: Line) -> None:
+    """The lock goes with the open file, which the two share: it lasts as long as either holds it."""
+    name = os.ttyname(line.slave)
+    port = open_port(name, 38400)
+    process.watch(descriptor(port))
+    close_port(port)
+    process.watch(None)
+    end = time.monotonic() + LONG
+    again = None
+    while again is None:
+        assert time.monotonic() < end
+        process.beat()
+        with suppress(PortError):  # for a moment it is in use
+            again = open_port(name, 38400)
+    close_port(again)

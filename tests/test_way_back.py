@@ -366,6 +366,34 @@ def test_an_order_holds_from_its_own_tick_on_and_stands_in_it(tmp_path: Path) ->
     assert orders.answers[1] == {"error": "the watchman knows no order 'dance'"}
 
 
+class World:
+    """A witness whose operator orders something now and then."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def pose(self) -> tuple[float, float, float]:
+        return 0.0, 0.0, 0.0
+
+    def poses(self) -> dict[str, tuple[float, float, float]]:
+        return {}
+
+    def orders(self) -> list[tuple[str, bool]]:
+        self.asked += 1
+        return {3: [("vigil", True)], 5: [("dance", True)], 7: [("vigil", False)]}.get(self.asked - 1, [])
+
+
+def test_a_scenarios_operator_is_obeyed_as_any_other(tmp_path: Path) -> None:
+    watchman = Watchman()
+    bench = at_the_bench(tmp_path, watchman, witness=World())
+    bench.service.connect()
+    bench.service.run(bench.recording, duration=1.0)
+    ticks = bench.ticks()
+    assert watchman.seen == [False] * 3 + [True] * 4 + [False] * 3
+    assert [tick["orders"] for tick in ticks if tick["orders"]] == [["vigil on"], ["vigil off"]]
+    assert said(ticks, "no order 'dance on'") == [6], "a refusal is an event of the next tick"
+
+
 def test_a_program_that_knows_no_orders_says_so_and_drives_on(bench: Bench) -> None:
     orders = Said(t3="vigil on")
     bench.service.connect()

@@ -19,10 +19,10 @@ from khepera_hil.commands.parser import Parser, baud, seed
 from khepera_hil.commands.scored import scored
 from khepera_hil.diary import Diary
 from khepera_hil.disturbed import Disturbed
-from khepera_hil.emulator import Emulator
 from khepera_hil.endpoints import LOOPBACK, pseudo_terminal, tcp_port
 from khepera_hil.errors import RecordingError, UsageError
-from khepera_hil.faults import GROUPS, KINDS, Faults, Specification
+from khepera_hil.faults import Faults
+from khepera_hil.faultspec import GROUPS, KINDS, Specification
 from khepera_hil.follower import Follower
 from khepera_hil.onlooker import Onlooker, shown
 from khepera_hil.rom import DEFAULT_FITTINGS, FITTINGS, MODELS, model_for, turrets
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str]) -> int:
     """Serve an emulated robot until Ctrl-C or SIGTERM, then say what its world saw."""
     asked = _parser().parse_args(arguments)
     model = model_for(asked.robot, asked.baud)
-    specification = None if asked.faults is None else Specification.parse(asked.faults)
+    specification = Specification(()) if asked.faults is None else Specification.parse(asked.faults)
     if asked.view and not has_screen():
         raise UsageError(
             "there is no screen here to open the viewer on; leave --view out (--log tells the truth too)"
@@ -85,14 +85,10 @@ def main(arguments: Sequence[str]) -> int:
             "turrets": asked.turrets,
             "on_request": None if diary is None else diary.request,
         }
-        faults = None
-        if specification is None:
-            emulator = Emulator(world, asked.baud, **settings)
-        else:
-            faults = Faults(
-                specification, chance.streams(chosen)["line"], on_fault=None if diary is None else diary.fault
-            )
-            emulator = Disturbed(world, asked.baud, faults=faults, **settings)
+        faults = Faults(
+            specification, chance.streams(chosen)["line"], on_fault=None if diary is None else diary.fault
+        )
+        emulator = Disturbed(world, asked.baud, faults=faults, **settings)
         watchers: list[Callable[[float], None]] = [] if diary is None else [diary.watch]
         if asked.view:
             looking = partial(open_live, shown(about, world), address(), page=False, window=True)
@@ -111,8 +107,8 @@ def main(arguments: Sequence[str]) -> int:
                 watcher(now)
 
         ended = serve(endpoint, emulator, stop=stop, watch=watch)
-    if faults is not None:
-        print("faults: " + (", ".join(f"{kind} {n}" for kind, n in sorted(faults.counts.items())) or "none"))
+    if faults.counts:
+        print("faults: " + ", ".join(f"{kind} {n}" for kind, n in sorted(faults.counts.items())))
     print(scored(world.score()))
     if diary is None:
         return 0

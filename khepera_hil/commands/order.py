@@ -45,17 +45,20 @@ def main(arguments: Sequence[str]) -> int:
 
 def _to_the_newest(runs: Path, words: str) -> str:
     """What the newest run that is there says. One that hangs is there: its order is not given to another."""
-    try:
-        sockets = sorted(runs.glob(f"*/{SOCKET}"), key=lambda path: path.lstat().st_ctime, reverse=True)
-    except OSError:
-        sockets = []
-    for path in sockets:
+    for path in sorted(runs.glob(f"*/{SOCKET}"), key=_made, reverse=True):
         try:
             said = deliver(path.parent, words)
         except OSError:
             continue  # left behind by a run that was killed, or somebody else's
         return f"{path.parent.name}: {said}"
     raise OrderRefused(f"no run in {runs} takes orders; name its folder with --run, or where runs are with --runs")
+
+
+def _made(path: Path) -> float:
+    try:
+        return path.lstat().st_ctime
+    except OSError:
+        return 0.0  # the run has just ended
 
 
 def _parser() -> Parser:

@@ -26,7 +26,7 @@ from khepera_hil.commands.scored import scored
 from khepera_hil.commands.signals import heeded
 from khepera_hil.controllers import PROGRAMS
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
-from khepera_hil.faults import Specification
+from khepera_hil.faultspec import Specification
 from khepera_hil.follower import Follower
 from khepera_hil.guarding import Guarding, Process, Unguarded, limit
 from khepera_hil.khepera import Khepera
@@ -178,7 +178,7 @@ def _run(
         "period_s": asked.period,
         "clock": "simulated" if clock.simulated else "wall",
         "verify": asked.verify,
-        "faults": asked.faults,
+        "faults": dict(parse_qsl(urlsplit(url).query)).get("faults"),
         "robot": {"bios": versions[0], "protocol": versions[1]},
         **service.program(),
         "world": None
@@ -322,8 +322,9 @@ def port_url(
     named = unquote(parts.netloc + parts.path)
     if world is not None and named and named != world:
         raise UsageError(f"--port {port} and --world {world} name two different worlds; leave one of them out")
-    query = dict(parse_qsl(parts.query, keep_blank_values=True))
-    for key, flag in (("seed", "--seed"), ("clock", "--fast"), ("faults", "--faults")):
+    # A plus is a plus, as in disconnect@30+5.
+    query = dict(parse_qsl(parts.query.replace("+", "%2B"), keep_blank_values=True))
+    for key, flag in (("seed", "--seed"), ("clock", "--fast")):
         if key in query:
             raise UsageError(f"{key} does not go into the port's name; say {flag}")
     if scenario is not None and query.setdefault("scenario", scenario) != scenario:
@@ -333,9 +334,10 @@ def port_url(
     if not (where := world or named) and "scenario" in query:
         where = load_scenario(query["scenario"]).world or ""
     query |= {"seed": str(seed), "clock": "simulated" if fast else "wall"}
-    if faults is not None:
-        Specification.parse(faults)  # a mistake is told before anything else happens
-        query["faults"] = faults
+    if faults is not None and query.setdefault("faults", faults) != faults:
+        raise UsageError(f"--port {port} and --faults {faults} name two different faults; leave one of them out")
+    if "faults" in query:
+        Specification.parse(query["faults"])  # a mistake is told before anything else happens
     return f"emulator://{quote(where or DEFAULT_WORLD)}?{urlencode(query, quote_via=quote)}"
 
 

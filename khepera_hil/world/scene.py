@@ -116,6 +116,11 @@ class _Near(NamedTuple):
     solids: list[Solid]
     edges: Array
     discs: Array
+    edge_columns: Array
+    disc_columns: Array
+    """The first columns of both, to be met by rays: shapes (6, n, 1) and (3, n, 1)."""
+    reflectance: Array
+    """Of all edges, then of all discs."""
 
 
 class Hits(NamedTuple):
@@ -176,18 +181,18 @@ class Scene:
         found: list[tuple[Array, Array, NDArray[np.intp], Array]] = []
         columns = np.arange(rays.count)
         if len(near.edges):
-            x, y, along_x, along_y, moment, shrink = near.edges.T[:6, :, None]
+            x, y, along_x, along_y, moment, shrink = near.edge_columns
             # An edge from a along e meets a ray from o along d where o + t d = a + u e; with cross products,
             # t = (a - o) x e / (d x e) and u = (a - o) x d / (d x e). Counter-clockwise edges cross a ray from
             # its right when they are seen from outside: d x e < 0.
             across = np.minimum(way_x * along_y - way_y * along_x, -1e-12)
             t = (moment - (from_x * along_y - from_y * along_x)) / across
             u = (x * way_y - y * way_x - (from_x * way_y - from_y * way_x)) / across
-            t[(np.abs(u - 0.5) > 0.5) | (t < 0) | (t > reach)] = _NOWHERE
+            t[(np.abs(u - 0.5) > 0.5) | (np.abs(t - reach / 2) > reach / 2)] = _NOWHERE
             row = t.argmin(0)
             found.append((t[row, columns], across[row, columns] * shrink[row, 0], row, u[row, columns]))
         if len(near.discs):
-            x, y, radius = near.discs.T[:3, :, None]
+            x, y, radius = near.disc_columns
             away_x, away_y = x - from_x, y - from_y
             middle = away_x * way_x + away_y * way_y
             square = middle * middle - away_x * away_x - away_y * away_y + radius * radius
@@ -205,8 +210,7 @@ class Scene:
             nearer = found[1][0] < distance
             distance, cosine, row, along = (np.where(nearer, b, a) for a, b in zip(*found, strict=True))
         met = distance < _NOWHERE
-        reflectance = np.concatenate([near.edges[:, 6], near.discs[:, 3]])
-        return Hits(distance, cosine * met, reflectance[row] * met, row, along, near)
+        return Hits(distance, cosine * met, near.reflectance[row] * met, row, along, near)
 
     @staticmethod
     def surface(hits: Hits) -> tuple[NDArray[np.intp], Array]:
@@ -260,8 +264,19 @@ class Scene:
                         )
                     )
                 begin += length
-        tables = np.array(edges).reshape(-1, 10), np.array(discs).reshape(-1, 6)
-        self._near = _Near(self._version, x, y, reach, solids, *tables)
+        straight, round_ = np.array(edges).reshape(-1, 10), np.array(discs).reshape(-1, 6)
+        self._near = _Near(
+            self._version,
+            x,
+            y,
+            reach,
+            solids,
+            straight,
+            round_,
+            np.ascontiguousarray(straight.T[:6, :, None]),
+            np.ascontiguousarray(round_.T[:3, :, None]),
+            np.concatenate([straight[:, 6], round_[:, 3]]),
+        )
         return self._near
 
     def shadows(self, key: object, lamp: tuple[float, float, float], width: float, pose: Pose) -> list[Solid]:
