@@ -231,13 +231,13 @@ class Scene:
         """All that rays of ``reach`` may meet which start ``farthest`` from any place near the poses."""
         near, wide = self._near, self._neighbours
         if near is not None and near.version == self._version and near.reach == reach:
-            (x, y, _), (last_x, last_y, _) = poses[0], poses[-1]
-            if max(abs(x - near.x), abs(y - near.y), abs(last_x - near.x), abs(last_y - near.y)) <= wide:
+            x, y, _ = poses[-1]
+            if abs(x - near.x) <= wide and abs(y - near.y) <= wide:
                 return near
         x, y, _ = poses[-1]
-        # Twice: of several poses, which lie close together, only the first and the last are compared.
+        # Twice: of several poses, which lie close together, only the last is compared.
         slack = 2 * wide + farthest
-        solids = [solid for solid in self._solids if _within(solid, x, x, y, y, reach + slack)]
+        solids = [solid for solid in self._solids if _within(solid, x, y, reach + slack)]
         edges: list[tuple[float, ...]] = []
         discs: list[tuple[float, ...]] = []
         for solid in solids:
@@ -364,25 +364,25 @@ class Scene:
 
 
 _TOUCHING = 3.0  # mm behind a sensor at which a line of sight begins, so that what touches it hides the light
-_ON_THE_WAY = 15.0  # mm from the first or the last of several poses to any between
-_ROBOT = 50.0  # mm from a pose to its sensors, where it was 20 ms before or after too
+_ON_THE_WAY = 20.0  # mm from one of several poses to any other: 20 ms at the robot's top speed
+_ROBOT = 50.0  # mm from one of several poses to a sensor at any other
 
 
-def _within(solid: Solid, least_x: float, most_x: float, least_y: float, most_y: float, reach: float) -> bool:
+def _within(solid: Solid, x: float, y: float, reach: float) -> bool:
     left, low, right, high = solid.box
-    return left - reach < most_x and least_x < right + reach and low - reach < most_y and least_y < high + reach
+    return left - reach < x < right + reach and low - reach < y < high + reach
 
 
 def _any_within(solids: list[Solid], poses: Sequence[Pose], reach: float) -> bool:
-    """Whether anything stands so near to a pose that lies on the way from the first to the last."""
-    for pose in (poses[-1],) if len(poses) == 1 else (poses[0], poses[-1]):
-        x, y, _ = pose
-        for solid in solids:
-            left, low, right, high = solid.box
-            across = left - x if x < left else x - right if x > right else 0.0
-            up = low - y if y < low else y - high if y > high else 0.0
-            if across * across + up * up <= (reach + _ON_THE_WAY) ** 2:
-                return True
+    """Whether anything stands so near to one of the poses, which lie close together."""
+    x, y, _ = poses[-1]
+    squared = (reach + _ON_THE_WAY) ** 2
+    for solid in solids:
+        left, low, right, high = solid.box
+        across = left - x if x < left else x - right if x > right else 0.0
+        up = low - y if y < low else y - high if y > high else 0.0
+        if across * across + up * up <= squared:
+            return True
     return False
 
 
