@@ -90,7 +90,8 @@ def _look(khepera: Khepera, each: int, period: float, seconds: float) -> dict[st
     _progress(f"{seconds:g} s of sensors")
     found["watch"] = watch(khepera, period, seconds)
     found["budgets"] = budgets({name: make().needs for name, (_, make) in PROGRAMS.items()}, period)
-    found["remarks"] = [*_of_the_line(found), *_of_the_sensors(found["watch"])]
+    needed = seconds_needed(("N", "O"), khepera.link.baud)
+    found["remarks"] = [*_of_the_line(found, needed, period), *_of_the_sensors(found["watch"])]
     return found
 
 
@@ -104,7 +105,7 @@ def _net(khepera: Khepera) -> list[str]:
     return [line for line in lines if line and "not found" not in line]
 
 
-def _of_the_line(found: dict[str, Any]) -> list[str]:
+def _of_the_line(found: dict[str, Any], needed: float, period: float) -> list[str]:
     remarks = []
     if any(found["speeds"]):
         remarks.append(f"the wheels turn at {found['speeds']}: nobody of ours told them to")
