@@ -220,8 +220,9 @@ def test_a_run_that_is_killed_or_held_up_leaves_wheels_that_stand_still(tmp_path
             run = the_run(tmp_path)
             eventually(lambda: len(ticks(run)) > 3)
             process.send_signal(number)
-            eventually(lambda: (run / "guard.jsonl").exists())
-            acted = json.loads((run / "guard.jsonl").read_text())
+            left = run / "guard.jsonl"
+            eventually(lambda: left.exists() and left.read_text().endswith("\n"))
+            acted = json.loads(left.read_text())
             assert acted["sent"] is True
             numbers = [tick["tick"] for tick in ticks(run)]
             assert numbers == list(range(len(numbers)))
