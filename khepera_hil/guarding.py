@@ -174,7 +174,7 @@ class Process:
             raise GuardLost(self._last_words()) from None
 
     def _last_words(self) -> str:
-        """Why the guard is gone. One that is stopping the wheels at this moment is waited for; a dead one is not."""
+        """Why the guard is gone. One that is stopping the wheels just now is waited for; a dead one is not."""
         self._pipe.settimeout(LAST_WORDS)
         try:
             said = self._pipe.recv(500)
