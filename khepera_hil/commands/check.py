@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import secrets
 import sys
@@ -17,6 +18,7 @@ from khepera_hil.clock import WallClock
 from khepera_hil.commands.parser import Parser, baud, number
 from khepera_hil.commands.run import port_url
 from khepera_hil.controllers import PROGRAMS
+from khepera_hil.errors import RobotError
 from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link
 from khepera_hil.opening import open_port
@@ -33,6 +35,9 @@ BRIGHT = 60
 
 SATURATED = 1020
 """Counts of proximity that cannot rise."""
+
+INPUTS = {0: "charger", 1: "reflected light", 2: "ambient light"}
+"""A Khepera II's A/D inputs that are not free (Khepera II User Manual 1.1, appendix A); 6 is a current."""
 
 EPILOG = """\
 Lines that begin with ! say what should be looked at.
@@ -73,8 +78,9 @@ def main(arguments: Sequence[str]) -> int:
 def _look(khepera: Khepera, each: int, period: float, seconds: float) -> dict[str, Any]:
     _progress("looking for the robot")
     versions = khepera.handshake()
-    speeds = khepera.speeds()
-    found: dict[str, Any] = {"versions": versions, "speeds": speeds}
+    found: dict[str, Any] = {"versions": versions, "speeds": (0, 0)}
+    with contextlib.suppress(RobotError):
+        found["speeds"] = khepera.speeds()
     _progress("turrets and inputs")
     found["turrets"] = turrets(khepera)
     found["net"] = _net(khepera)
@@ -90,7 +96,11 @@ def _look(khepera: Khepera, each: int, period: float, seconds: float) -> dict[st
 
 def _net(khepera: Khepera) -> list[str]:
     """What the robot's own tool says of its turrets; nothing where it knows no such tool."""
-    lines = [line.strip() for line in khepera.link.tool("net").splitlines()]
+    try:
+        printed = khepera.link.tool("net")
+    except RobotError:
+        return []
+    lines = [line.strip() for line in printed.splitlines()]
     return [line for line in lines if line and "not found" not in line]
 
 
@@ -127,7 +137,9 @@ def _of_the_sensors(seen: Watch) -> list[str]:
 def _print(found: dict[str, Any], khepera: Khepera, period: float, held: int | None) -> None:
     link = khepera.link
     print(f"port      {link.name} at {link.baud} baud{'' if held is None else f', latency timer {held} ms'}")
-    print(f"robot     BIOS {found['versions'][0]}, protocol {found['versions'][1]}")
+    second = found["versions"][0] >= "6"
+    name = "Khepera II" if second else "Khepera"
+    print(f"robot     {name}: BIOS {found['versions'][0]}, protocol {found['versions'][1]}")
     fitted = [f"{number} {TURRETS[number]} {version}" for number, version in found["turrets"].items()]
     print(f"turrets   {', '.join(fitted) or 'none answers'}")
     for line in found["net"]:
@@ -154,12 +166,19 @@ def _print(found: dict[str, Any], khepera: Khepera, period: float, held: int | N
         light = [value for reading in seen.light for value in reading]
         look = "dark" if min(light) >= DARK else "a lamp is near" if min(light) <= BRIGHT else "some light"
         print(f"          {look}; {len(seen.proximity)} readings of {seen.ticks}")
-    channels = [f"{channel}: {4.09 * value / 1024:.2f} V" for channel, value in found["inputs"].items()]
-    print(f"inputs    {', '.join(channels) or 'the robot refuses to read them (command I)'}")
+    channels = [_input(channel, value, second) for channel, value in found["inputs"].items()]
+    print(f"inputs    {', '.join(channels) or 'none could be read (command I)'}")
     print(
         f"loop      ticks of {1000 * period:g} ms came late by {_ms(seen.late, 0.5)} ms (median), "
         f"{_ms(seen.late, 0.99)} (p99), {1000 * seen.latest:.2f} (max of {seen.ticks})"
     )
+
+
+def _input(channel: int, value: int, second: bool) -> str:
+    if second and channel == 6:
+        return f"{value} mA used"
+    what = f" {INPUTS[channel]}" if second and channel in INPUTS else ""
+    return f"{channel}{what}: {4.09 * value / 1024:.2f} V"
 
 
 def _budget(figures: dict[str, Any]) -> str:

@@ -9,6 +9,7 @@ import secrets
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import asdict
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -24,7 +25,7 @@ from khepera_hil.commands.parser import Parser, baud, existing_name, number, see
 from khepera_hil.commands.signals import heeded
 from khepera_hil.controllers import PROGRAMS
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
-from khepera_hil.faults import Specification
+from khepera_hil.faultspec import Specification
 from khepera_hil.follower import Follower
 from khepera_hil.guarding import Guarding, Process, Unguarded, limit
 from khepera_hil.khepera import Khepera
@@ -175,6 +176,8 @@ def _run(
         "baud": asked.baud,
         "period_s": asked.period,
         "clock": "simulated" if clock.simulated else "wall",
+        "verify": asked.verify,
+        "faults": dict(parse_qsl(urlsplit(url).query)).get("faults"),
         "robot": {"bios": versions[0], "protocol": versions[1]},
         **service.program(),
         "world": None
@@ -240,6 +243,8 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
         "without_data": service.blind,
         "lines_lost": service.losses,
         "robot_resets": service.resets,
+        "checks": asdict(service.checks),
+        "faults": {} if witness is None else witness.faults(),
         "work_ms": _percentiles(service.work),
         "late_ms": _percentiles(service.late),
         "stop": service.ended,
@@ -257,6 +262,14 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
         if not loss.startswith(_TERMINAL):  # who closed it knows that
             print(f"khepera-hil: {loss}", file=sys.stderr)
     print(f"stopped ({ending['stop']}) after {ending['ticks']} ticks, {ending['missed']} deadlines missed")
+    if ending["checks"]["verified"]:
+        print(
+            "verified: {verified} answers, {third} read a third time, {refused} ticks refused".format_map(
+                ending["checks"]
+            )
+        )
+    if ending["faults"]:
+        print("faults: " + ", ".join(f"{kind} {number}" for kind, number in sorted(ending["faults"].items())))
     if ending["score"]:
         print("score: " + ", ".join(f"{name} {value}" for name, value in ending["score"].items()))
     print(f"recorded in {recording.folder}; to look at it: khepera-hil review {recording.folder}")
@@ -308,8 +321,9 @@ def port_url(
     named = unquote(parts.netloc + parts.path)
     if world is not None and named and named != world:
         raise UsageError(f"--port {port} and --world {world} name two different worlds; leave one of them out")
-    query = dict(parse_qsl(parts.query, keep_blank_values=True))
-    for key, flag in (("seed", "--seed"), ("clock", "--fast"), ("faults", "--faults")):
+    # A plus is a plus, as in disconnect@30+5.
+    query = dict(parse_qsl(parts.query.replace("+", "%2B"), keep_blank_values=True))
+    for key, flag in (("seed", "--seed"), ("clock", "--fast")):
         if key in query:
             raise UsageError(f"{key} does not go into the port's name; say {flag}")
     if scenario is not None and query.setdefault("scenario", scenario) != scenario:
@@ -319,9 +333,10 @@ def port_url(
     if not (where := world or named) and "scenario" in query:
         where = load_scenario(query["scenario"]).world or ""
     query |= {"seed": str(seed), "clock": "simulated" if fast else "wall"}
-    if faults is not None:
-        Specification.parse(faults)  # a mistake is told before anything else happens
-        query["faults"] = faults
+    if faults is not None and query.setdefault("faults", faults) != faults:
+        raise UsageError(f"--port {port} and --faults {faults} name two different faults; leave one of them out")
+    if "faults" in query:
+        Specification.parse(query["faults"])  # a mistake is told before anything else happens
     return f"emulator://{quote(where or DEFAULT_WORLD)}?{urlencode(query, quote_via=quote)}"
 
 

@@ -30,10 +30,11 @@ from khepera_hil.clock import Clock, SimulatedClock, WallClock
 from khepera_hil.disturbed import Disturbed
 from khepera_hil.emulator import Emulator
 from khepera_hil.errors import UsageError
-from khepera_hil.faults import Faults, Specification
+from khepera_hil.faults import Faults
+from khepera_hil.faultspec import Specification
 from khepera_hil.rom import turrets
 from khepera_hil.uart import FIFO_16550
-from khepera_hil.world import Order, World, load_scenario
+from khepera_hil.world import LinkFault, Order, World, load_scenario
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -50,14 +51,19 @@ _CLOCKS: dict[str, type[WallClock] | type[SimulatedClock]] = {"wall": WallClock,
 class Witness:
     """What the emulated world saw, up to the clock's now. Metres, radians counter-clockwise, seconds."""
 
-    def __init__(self, world: World, catch_up: Callable[[], float]) -> None:
+    def __init__(self, world: World, catch_up: Callable[[], float], faults: Faults | None = None) -> None:
         self._world = world
         self._catch_up = catch_up
+        self._faults = faults
 
     def pose(self) -> tuple[float, float, float]:
         """The robot's true pose: x, y, theta."""
         self._catch_up()
         return self._world.pose()
+
+    def faults(self) -> dict[str, int]:
+        """How often what was done to the line, by kind."""
+        return {} if self._faults is None else dict(self._faults.counts)
 
     def size(self) -> tuple[float, float]:
         """The floor's width and depth; its corner is the origin."""
@@ -127,7 +133,7 @@ class Serial(SerialBase):
             clock.on_advance = self._emulator.advance
         self.clock = clock
         self.is_open = True
-        self.witness = Witness(world, self._catch_up)
+        self.witness = Witness(world, self._catch_up, self.faults)
 
     def close(self) -> None:
         """Let go of the robot; its world stands still from now on, unless the line was unplugged."""
@@ -269,9 +275,9 @@ def _parsed(url: str) -> tuple[World, Callable[[], WallClock | SimulatedClock], 
     fittings: dict[str, Any] = {"robot": given["robot"]} if "robot" in given else {}
     if "turrets" in given:
         fittings["turrets"] = turrets(given["turrets"])
-    if "faults" in given:
-        chances = chance.streams(_whole("seed", given.get("seed", "0")))
-        fittings["faults"] = Faults(Specification.parse(given["faults"]), chances["line"])
+    if "faults" in given or world.next_due(LinkFault) is not None:
+        specification = Specification.parse(given["faults"]) if "faults" in given else Specification(())
+        fittings["faults"] = Faults(specification, chance.streams(_whole("seed", given.get("seed", "0")))["line"])
     return world, _CLOCKS[clock], _whole("baud", given["baud"]) if "baud" in given else None, fittings
 
 
