@@ -198,7 +198,7 @@ def test_an_order_that_the_program_does_not_know_is_refused_in_a_sentence(tmp_pa
         assert done.err == "khepera-hil: avoid knows no order 'vigil on'; it takes stop and resume\n"
         assert khepera_hil("order", "--run", the_run(tmp_path), "stop", cwd=tmp_path).code == 0
         process.communicate(timeout=30)
-        assert [tick["orders"] for tick in ticks(the_run(tmp_path)) if tick["orders"]] == [["stop"]]
+        assert [tick["orders"] for tick in ticks(the_run(tmp_path)) if tick["orders"]] == [["vigil on"], ["stop"]]
 
 
 def test_without_a_run_an_order_says_so(tmp_path: Path) -> None:
