@@ -192,7 +192,7 @@ def once(how: str, chance: random.Random, options: list[str]) -> dict[str, Any]:
                 if how == "hang":
                     wrong += woken(witness, run, stopped)
                     ticks = run.ticks()
-                if not (run.folder / GUARD_LOG).exists():
+                if not witness.serve((run.folder / GUARD_LOG).exists, 5.0):
                     wrong.append("the guard left no line")
                 return {"seconds": stopped - began, "wrong": wrong + kept(witness, ticks)}
         finally:

@@ -25,6 +25,9 @@ __all__ = ["Guarding", "Process", "Unguarded", "limit"]
 STARTING = 10.0
 """Seconds that the guard may take to start."""
 
+LAST_WORDS = 0.5
+"""Seconds for which a guard that has closed its ear is heard."""
+
 SPARING = 0.04
 """Seconds between two beats at the least; exchanges with the robot may come faster."""
 
@@ -171,8 +174,8 @@ class Process:
             raise GuardLost(self._last_words()) from None
 
     def _last_words(self) -> str:
-        """Why the guard is gone. One that acts at this moment has its line ready within a tenth of a second."""
-        self._pipe.settimeout(0.1)
+        """Why the guard is gone. One that is stopping the wheels just now is waited for; a dead one is not."""
+        self._pipe.settimeout(LAST_WORDS)
         try:
             said = self._pipe.recv(500)
         except OSError:

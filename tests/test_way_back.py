@@ -240,7 +240,7 @@ def test_the_order_to_resume_sets_it_in_motion_again(tmp_path: Path) -> None:
     assert ticks[30]["orders"] == ["resume"]
     assert ticks[30]["evidence"]
     assert [("ok" in answer) for answer in orders.answers] == [True, False], "the second has nothing to resume"
-    assert ticks[40]["orders"] == []
+    assert said(ticks, "order refused: there is nothing to resume") == [40]
 
 
 def test_with_resume_it_drives_on_after_a_handshake(tmp_path: Path) -> None:
@@ -361,8 +361,9 @@ def test_an_order_holds_from_its_own_tick_on_and_stands_in_it(tmp_path: Path) ->
     bench.service.run(bench.recording, duration=1.0, orders=[orders])
     assert watchman.seen == [False] * 3 + [True] * 4 + [False] * 3
     assert [tick["orders"] for tick in bench.ticks()] == [
-        ["vigil on"] if n == 3 else ["vigil off"] if n == 7 else [] for n in range(10)
+        {3: ["vigil on"], 5: ["dance"], 7: ["vigil off"]}.get(n, []) for n in range(10)
     ]
+    assert said(bench.ticks(), "order refused") == [5]
     assert orders.answers[1] == {"error": "the watchman knows no order 'dance'"}
 
 
@@ -390,8 +391,8 @@ def test_a_scenarios_operator_is_obeyed_as_any_other(tmp_path: Path) -> None:
     bench.service.run(bench.recording, duration=1.0)
     ticks = bench.ticks()
     assert watchman.seen == [False] * 3 + [True] * 4 + [False] * 3
-    assert [tick["orders"] for tick in ticks if tick["orders"]] == [["vigil on"], ["vigil off"]]
-    assert said(ticks, "no order 'dance on'") == [6], "a refusal is an event of the next tick"
+    assert [tick["orders"] for tick in ticks if tick["orders"]] == [["vigil on"], ["dance on"], ["vigil off"]]
+    assert said(ticks, "no order 'dance on'") == [5]
 
 
 def test_a_program_that_knows_no_orders_says_so_and_drives_on(bench: Bench) -> None:
@@ -399,7 +400,8 @@ def test_a_program_that_knows_no_orders_says_so_and_drives_on(bench: Bench) -> N
     bench.service.connect()
     bench.service.run(bench.recording, duration=1.0, orders=[orders])
     assert "avoid knows no order 'vigil on'" in orders.answers[0]["error"]
-    assert all(tick["orders"] == [] and tick["evidence"] for tick in bench.ticks())
+    assert all(tick["evidence"] for tick in bench.ticks())
+    assert said(bench.ticks(), "order refused") == [3]
 
 
 def test_every_program_takes_stop(bench: Bench) -> None:

@@ -13,6 +13,8 @@ from typing import Any
 import serial
 
 from khepera_hil.adapter import latency_ms
+from khepera_hil.budget import RESERVE
+from khepera_hil.budget import needed as seconds_needed
 from khepera_hil.checkup import PLACES, TURRETS, RoundTrips, Watch, budgets, inputs, round_trips, turrets, watch
 from khepera_hil.clock import WallClock
 from khepera_hil.commands.parser import Parser, baud, number
@@ -90,7 +92,8 @@ def _look(khepera: Khepera, each: int, period: float, seconds: float) -> dict[st
     _progress(f"{seconds:g} s of sensors")
     found["watch"] = watch(khepera, period, seconds)
     found["budgets"] = budgets({name: make().needs for name, (_, make) in PROGRAMS.items()}, period)
-    found["remarks"] = [*_of_the_line(found), *_of_the_sensors(found["watch"])]
+    needed = seconds_needed(("N", "O"), khepera.link.baud)
+    found["remarks"] = [*_of_the_line(found, needed, period), *_of_the_sensors(found["watch"])]
     return found
 
 
@@ -104,7 +107,7 @@ def _net(khepera: Khepera) -> list[str]:
     return [line for line in lines if line and "not found" not in line]
 
 
-def _of_the_line(found: dict[str, Any]) -> list[str]:
+def _of_the_line(found: dict[str, Any], needed: float, period: float) -> list[str]:
     remarks = []
     if any(found["speeds"]):
         remarks.append(f"the wheels turn at {found['speeds']}: nobody of ours told them to")
@@ -113,10 +116,13 @@ def _of_the_line(found: dict[str, Any]) -> list[str]:
     if lost:
         remarks.append(f"{lost} of {asked} requests had no usable answer: see the cable and its plugs")
     seen: Watch = found["watch"]
-    if seen.missed:
+    if needed > (1 - RESERVE) * period:
         remarks.append(
-            f"the loop missed {seen.missed} of {seen.ticks + seen.missed} deadlines: is this computer busy?"
+            f"N and O need {1000 * needed:.0f} ms at this rate: a loop of {1000 * period:g} ms cannot read them"
         )
+    elif seen.missed:
+        due = seen.ticks + seen.missed
+        remarks.append(f"the loop missed {seen.missed} of {due} deadlines: is this computer busy?")
     return remarks
 
 
@@ -151,9 +157,8 @@ def _print(found: dict[str, Any], khepera: Khepera, period: float, held: int | N
             f"          {letter:<17} {_ms(of_letter.seconds, 0.5):>8} {_ms(of_letter.seconds, 0.99):>8} "
             f"{of_letter.lost:>3} of {of_letter.asked}"
         )
-    print(
-        f"budget    ms a tick on the wire, {900 * period:.0f} of {1000 * period:g} may be used (--verify behind it)"
-    )
+    room = 1000 * (1 - RESERVE) * period
+    print(f"budget    ms a tick on the wire, of {room:g} that may be used; in brackets with --verify")
     print("          " + " " * 12 + "".join(f"{rate:>16}" for rate in BAUD_RATES))
     for program, rates in found["budgets"].items():
         print(f"          {program:12}" + "".join(f"{_budget(figures):>16}" for figures in rates.values()))

@@ -76,3 +76,10 @@ def test_a_port_without_a_robot_has_its_exit_code(cable: Cable, capsys: pytest.C
     assert main(["check", "--port", "/dev/nowhere", *QUICK]) == 3
     assert main(["check", "--port", cable.name, "--n", "none"]) == 2
     assert "is no number of times" in capsys.readouterr().err
+
+
+def test_a_period_that_the_line_cannot_keep_is_not_the_computers_fault(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "--period", "0.02", "--n", "1", "--seconds", "0.2"]) == 1
+    said = capsys.readouterr().out
+    assert "! N and O need 34 ms at this rate: a loop of 20 ms cannot read them" in said
+    assert "is this computer busy" not in said

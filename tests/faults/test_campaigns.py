@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.faults import byte_faults, clean, recovery, structural
+from benchmarks.wall import campaign
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -18,6 +19,13 @@ def test_no_stale_and_no_wrong_value_is_accepted_whatever_happens_to_lines(seed:
 def test_the_campaign_would_notice_wrong_values() -> None:
     found = structural(300, seed=1, faults="bytes=0.01")
     assert found["wrong"] > 0, "byte changes inside numbers cannot be seen without --verify"
+
+
+def test_nor_is_one_in_wall_time() -> None:
+    found = campaign(6.0, seed=3, faults="lines=0.1,frame=0.003,disconnect@3+0.3/3600")
+    assert found["faults"] > 3
+    assert found["accepted"] > 10
+    assert (found["stale"], found["wrong"]) == (0, 0)
 
 
 def test_under_verify_no_value_is_off_by_more_than_60_counts() -> None:
