@@ -19,11 +19,12 @@ from brp.forms import Form
 from brp.formula import formula
 from brp.hierarchy import hierarchy
 from brp.logs import logarithms
-from brp.plan import Sizes, compiled, probabilities
+from brp.plan import compiled, probabilities
 from brp.propositions import Proposition
 from brp.renewal import Plan, renewed
 from brp.simplification import Simplified, simplify
 from brp.subroutine import Renamed, subroutine
+from brp.tables import Sizes
 from brp.variables import Term, Variable, text
 
 if TYPE_CHECKING:

@@ -34,7 +34,7 @@ def test_a_batch_answers_as_its_rows_do(data: st.DataObject) -> None:
     asked, soft = data.draw(softly(program))
     with pytest.MonkeyPatch.context() as patch:
         if data.draw(st.booleans()):
-            patch.setattr("brp.plan.FOLD", 0)
+            patch.setattr("brp.tables.FOLD", 0)
         patch.setattr("brp.batch.NUMBERS", data.draw(st.sampled_from([1, 30, 10**6])))
         question = description.ask(asked, soft=soft)
         rng = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))
