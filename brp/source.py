@@ -31,6 +31,7 @@ WRITTEN = 200
 """So many variables may be told by keyword with a line of source for each."""
 
 TOLD = re.compile(r"\b[iw][0-9]+\b")
+REGISTER = re.compile(r"\br[0-9]+\b")
 MADE = re.compile(r"\b[iwr][0-9]")
 CONSTANT = re.compile(r"\bt[0-9]+\b")
 
@@ -152,7 +153,7 @@ class Source:
 
     def function(self, name: str, result: str, lookup: Sequence[str] = ()) -> tuple[str, Run]:
         """The function of all lines that returns ``result``: its text, and itself. ``lookup`` comes first."""
-        body = list(self.lines)
+        *body, result = _reused([*self.lines, result])
         used = set(TOLD.findall("\n".join([*body, result])))
         if lookup:
             body[:0] = lookup
@@ -164,6 +165,31 @@ class Source:
         space: dict[str, Any] = {}
         exec(compile(text, "<plan>", "exec"), self.names, space)  # noqa: S102  (our own text: straight-line numpy)
         return text, space[name]
+
+
+def _reused(lines: Sequence[str]) -> list[str]:
+    """The same lines with as few registers as possible: what is needed no more is overwritten, its memory freed.
+
+    Large arrays then take turns in memory that the processor has at hand, where every new one would cost a
+    page fault for each of its pages.
+    """
+    last = {name: number for number, text in enumerate(lines) for name in REGISTER.findall(text)}
+    names: dict[str, str] = {}
+    spare: list[str] = []
+    count = 0
+    made: list[str] = []
+    for number, text in enumerate(lines):
+        met = dict.fromkeys(REGISTER.findall(text))
+        # What is read here for the last time may be written over in this very line.
+        spare += [names[name] for name in met if name in names and last[name] == number]
+        for name in met:
+            if name not in names:
+                if not spare:
+                    spare.append(f"r{count}")
+                    count += 1
+                names[name] = spare.pop()
+        made.append(REGISTER.sub(lambda found: names[found[0]], text))
+    return made
 
 
 def looked_up(source: Source, places: dict[Variable, str], weights: dict[Variable, str]) -> list[str]:

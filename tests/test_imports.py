@@ -104,6 +104,7 @@ BRP = [
     "evidence",
     "expression",
     "formula",
+    "order",
     "simplification",
     "renewal",
     "logs",
