@@ -22,8 +22,11 @@ BUDGET = 20_000
 """... and no more than so many in all."""
 DEEP = 60
 """With more variables than this nothing but greedy orders is tried."""
-PLAIN = 8
-"""A number of a product that numpy multiplies one by one costs as much as so many within a product of matrices."""
+PLAIN = 2, 8
+"""A number of a product that numpy multiplies one by one costs as much as so many within a product of matrices:
+while the product stays in the processor's cache, and where it does not."""
+CACHED = 30_000
+"""So many numbers do."""
 MOVED = 2
 """The same for a number that is put elsewhere, or summed by itself."""
 
@@ -62,17 +65,22 @@ def together(
     """Whether two sums are better done as one: the factors of the first, then its sum ``made`` with the second."""
 
     def cost(scopes: Sequence[frozenset[Variable]], result: frozenset[Variable]) -> float:
-        union = frozenset().union(*scopes)
-        moved = cells(result) + sum(map(cells, scopes))
-        plain = 0
-        if len(scopes) > 2:
-            plain = PLAIN * min(
-                cells(frozenset().union(*[scope for other, scope in enumerate(scopes) if other != heavy]))
-                for heavy in range(len(scopes))
-            )
-        return cells(union) + MOVED * moved + plain
+        sides = [
+            cells(frozenset().union(*[scope for other, scope in enumerate(scopes) if other != heavy]))
+            for heavy in range(len(scopes))
+        ]
+        return _spent(cells(frozenset().union(*scopes)), cells(result), [*map(cells, scopes)], sides)
 
     return cost([*first, *second], result) <= cost(first, made) + cost([made, *second], result)
+
+
+def _spent(product: float, result: float, factors: Sequence[float], sides: Sequence[float]) -> float:
+    """What one sum costs, from the sizes of its product, its result, each factor, and all factors but that one."""
+    moved = result + sum(factors)
+    if len(factors) == 1:
+        return product + MOVED * (moved + product)
+    plain = min(sides) if len(factors) > 2 else 0
+    return product + MOVED * moved + PLAIN[plain > CACHED] * plain
 
 
 def _smallest_next(
@@ -144,12 +152,10 @@ class _Search:
         for scope in bucket:
             union |= scope
         made = union & ~bit
-        moved = self.cells(made) + sum(map(self.cells, bucket))
-        plain = self.cells(union) if len(bucket) == 1 else 0.0
-        if len(bucket) > 2:
-            plain = PLAIN / MOVED * min(self.cells(self._others(bucket, heavy)) for heavy in range(len(bucket)))
+        sides = [self.cells(self._others(bucket, heavy)) for heavy in range(len(bucket))]
+        cost = _spent(self.cells(union), self.cells(made), [*map(self.cells, bucket)], sides)
         left = (*[scope for scope in scopes if not scope & bit], made)
-        return self.cells(union) + MOVED * (moved + plain), left
+        return cost, left
 
     @staticmethod
     def _others(bucket: Sequence[int], heavy: int) -> int:
