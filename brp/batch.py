@@ -28,6 +28,9 @@ def columns(signature: Signature, told: Mapping[str, Any]) -> tuple[int, Evidenc
     named = {v.keyword: v for v in signature.known}
     if named.keys() != told.keys():
         signature.read(told)  # says which is missing, or superfluous
+    for keyword, column in told.items():
+        if isinstance(column, str) or not hasattr(column, "__len__"):
+            raise EvidenceError(f"{keyword} in a batch was told {column!r}, and wants a column of values")
     lengths = {keyword: len(column) for keyword, column in told.items()}
     if len(set(lengths.values())) > 1:
         raise EvidenceError(f"the columns of a batch are of different lengths: {lengths}")

@@ -269,7 +269,12 @@ class _Compiler(Products):
         if not rest:
             parts = self._independent(here)
             if parts:
-                return (yield from self._product(parts, order, shape, False))
+                result = yield from self._product(parts, order, shape, False)
+                for part in parts:  # what divides knows what has no answer; a table only has it written down
+                    name = self.made[id(part), order, self._lengths(part, order), False]
+                    if name in self.gaps:
+                        self.source.guard(f"{name}.item(0) >= 0")
+                return result
         inner = (*rest, *here.variables)
         own = self._lengths(child, inner)
         name = yield (self._emit, child, inner, own, True)

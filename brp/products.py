@@ -53,6 +53,8 @@ class Products:
         """Nodes made on the way: their ids are keys, and must stay theirs."""
         self.distributions: set[str] = set()
         """Names of arrays that sum to one already."""
+        self.gaps: set[str] = set()
+        """Names of what was looked up in tables of which some rows have no answer, and are nan."""
         self.root: Node | None = None
 
     def _emit(self, here: Node, order: Axes, shape: Shape, scale: bool) -> Emission:
@@ -149,11 +151,16 @@ class Products:
                 axes = tuple(a for a in axes if a != v)
                 values = first.squeeze(axis)
         known = tuple(v for v in known if v in axes)
+        name = self._stored(values, known, axes, shape, scale)
+        if np.isnan(values).any():
+            self.gaps.add(name)
+        return name
+
+    def _stored(self, values: Array, known: Axes, axes: Axes, shape: Shape, scale: bool) -> str:
         if scale:
             rest = tuple(range(len(known), len(axes)))
             largest = values.max(axis=rest, keepdims=True)
-            largest[~(largest > 0)] = 1.0  # nan stays, and is found at the end
-            values = values / largest
+            values = values / np.where(largest > 0, largest, 1.0)  # nan stays, and is found at the end
         values = np.ascontiguousarray(values).reshape(tuple([len(v) for v in known]) + shape)
         if not known:
             return self.source.array(values)

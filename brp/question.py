@@ -123,7 +123,7 @@ class Question(Form):
         right = [f"(soft {v})" if v in self.soft else str(v) for v in self.known]
         return f"P({text(self.searched)} | {text([*right, *self.names])})"
 
-    def __call__(self, **known: Any) -> Distribution:
+    def __call__(self, /, **known: Any) -> Distribution:
         """The distribution over the searched variables, the known ones having these values.
 
         Raises `NotAValue` or `EvidenceError` for evidence that does not fit, `ImpossibleEvidence` when it has
@@ -252,7 +252,7 @@ class Question(Form):
         """
         return self(**known).probability(proposition, given)
 
-    def explain(self, value: Any, **known: Any) -> Explanation:
+    def explain(self, value: Any, /, **known: Any) -> Explanation:
         """What each term says for or against a value, the known ones being these: see `Contribution`."""
         p = self(**known)
         here, evidence = p[value], self.signature.read(known)
@@ -271,7 +271,7 @@ class Question(Form):
         contributions.sort(key=lambda c: -abs(c.bits))
         return Explanation(self.name, value, here, tuple(contributions))
 
-    def possible(self, **known: Any) -> bool:
+    def possible(self, /, **known: Any) -> bool:
         """Whether these known values have a probability above zero, so that no rule is needed to answer."""
         return not np.isnan(self._logarithms(self.simplified.start, self.signature.read(known))).any()
 

@@ -10,7 +10,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from brp import Description, Form, P, Question, Specification, Switch, Table, Term, Uniform, Variable
+from brp import (
+    Description,
+    Form,
+    ImpossibleEvidence,
+    P,
+    Question,
+    Specification,
+    Switch,
+    Table,
+    Term,
+    Uniform,
+    Variable,
+)
 from brp.expression import Leaf, Product
 from brp.order import _Search, best_order
 from brp.programs.object import Lrl, Nlt, Nrt, Per, recognise, unacquainted
@@ -198,3 +210,32 @@ def test_what_is_known_but_makes_no_difference_is_not_looked_up() -> None:
 
     assert looked_up(watchman) == set()
     assert looked_up(after) == places
+
+
+def test_what_is_impossible_in_one_of_several_independent_parts_is_impossible() -> None:
+    """P(A B | K) is P(A | K) times P(B): the part that K excludes is a table with a gap."""
+    A, B, K, S = (Variable(name, range(size)) for name, size in (("A", 2), ("B", 2), ("K", 3), ("S", 2)))
+    description = Specification(
+        {P(A): Table([0.5, 0.5]), P(K): Table([0.25, 0.75, 0]), P(B, S): Table([[0.1, 0.2], [0.3, 0.4]])}
+    ).identify()
+    question = description.ask(P(A, B | K, S), soft=S)
+    with pytest.raises(ImpossibleEvidence, match=r"P\(K\) excludes it"):
+        question(K=2, S=[1, 1])
+    np.testing.assert_allclose(question(K=1, S=[1, 1]).p, np.outer([0.5, 0.5], [0.3, 0.7]))
+
+
+def test_a_part_that_is_one_number_whatever_is_known_is_a_constant() -> None:
+    A, K, L = Variable("A", [0]), Variable("K", range(3)), Variable("L", range(2))
+    description = Specification(
+        {
+            P(A): Table([1.0]),
+            P(K): Table([0.5, 0.5, 0]),
+            P(L | K): Switch(K, {(0, 1): Table([0.2, 0.8]), 2: Uniform()}),
+        }
+    ).identify()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("brp.tables.FOLD", 0)
+        question = description.ask(P(A | K, L))
+    assert question(K=1, L=0).p.tolist() == [1.0]
+    with pytest.raises(ImpossibleEvidence):
+        question(K=2, L=0)
