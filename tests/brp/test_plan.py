@@ -224,18 +224,16 @@ def test_what_is_impossible_in_one_of_several_independent_parts_is_impossible() 
     np.testing.assert_allclose(question(K=1, S=[1, 1]).p, np.outer([0.5, 0.5], [0.3, 0.7]))
 
 
-def test_a_part_that_is_one_number_whatever_is_known_is_a_constant() -> None:
-    A, K, L = Variable("A", [0]), Variable("K", range(3)), Variable("L", range(2))
+def test_a_table_that_is_one_number_whatever_is_known_is_a_constant() -> None:
+    """The last case of the Switch does not depend on what it knows."""
+    A, C, K = Variable("A", [0]), Variable("C", range(3)), Variable("K", range(2))
+    cases = {0: Table([[0.2], [0.8]]), 1: Table([[0.1], [0.9]]), 2: Uniform()}
     description = Specification(
-        {
-            P(A): Table([1.0]),
-            P(K): Table([0.5, 0.5, 0]),
-            P(L | K): Switch(K, {(0, 1): Table([0.2, 0.8]), 2: Uniform()}),
-        }
+        {P(A): Table([1.0]), P(C): Table([0.5, 0.5, 0]), P(K | C, A): Switch(C, cases)}
     ).identify()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("brp.tables.FOLD", 0)
-        question = description.ask(P(A | K, L))
-    assert question(K=1, L=0).p.tolist() == [1.0]
+        question = description.ask(P(A | C, K))
+    assert question(C=1, K=0).p.tolist() == [1.0]
     with pytest.raises(ImpossibleEvidence):
-        question(K=2, L=0)
+        question(C=2, K=0)
