@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+from brp.contraction import layout
 from brp.expression import (
     Conditional,
     Leaf,
@@ -298,7 +299,7 @@ def _sum_out(nodes: Sequence[Node], unknown: Sequence[Variable], account: Accoun
         made = _sum(factors, variable)
         account.order.append(variable)
         account.operations += cells(frozenset().union(*[f.scope for f in factors]))
-        account.largest = max(account.largest, cells(made.scope))
+        account.largest = max(account.largest, cells(made.scope), _multiplied(made))
         pool[number] = made
         for v in made.scope:
             if v in users:
@@ -306,6 +307,14 @@ def _sum_out(nodes: Sequence[Node], unknown: Sequence[Variable], account: Accoun
                 users[v].add(number)
         number += 1
     return [pool[k] for k in sorted(pool)]
+
+
+def _multiplied(made: Sum) -> int:
+    """The size of the product that is made before it is summed: of all factors but the one it is matched with."""
+    members = made.children[0].children if isinstance(made.children[0], Product) else made.children
+    plan = layout(members, made.variables, tuple(made.scope), lambda n: n.scope)
+    multiplied = members if plan is None else plan.left
+    return cells(frozenset().union(*[n.scope for n in multiplied])) if len(multiplied) > 1 else 1
 
 
 def _sum(factors: Sequence[Node], variable: Variable) -> Sum:

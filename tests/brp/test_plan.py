@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tracemalloc
 from itertools import permutations
 
 import numpy as np
@@ -20,11 +21,13 @@ from brp import (
     Switch,
     Table,
     Term,
+    TooLarge,
     Uniform,
     Variable,
 )
 from brp.expression import Leaf, Product
 from brp.order import _Search, best_order
+from brp.plan import compiled
 from brp.programs.object import Lrl, Nlt, Nrt, Per, recognise, unacquainted
 from brp.programs.watchman import pi_watchman, watchman
 from tests.brp.joint import Array, Joint, distributions
@@ -237,3 +240,23 @@ def test_a_table_that_is_one_number_whatever_is_known_is_a_constant() -> None:
     assert question(C=1, K=0).p.tolist() == [1.0]
     with pytest.raises(ImpossibleEvidence):
         question(C=2, K=0)
+
+
+def test_the_largest_array_is_the_largest_that_is_made() -> None:
+    """Three factors around one variable: two of them are multiplied before they are summed with the third."""
+    A, B, C, D = (Variable(name, range(50)) for name in "ABCD")
+
+    def over(term: Term) -> Form:
+        return Table(np.full([50] * len(term.variables), 1 / 50))
+
+    terms = (P(A), P(B | A), P(C | A), P(D | A))
+    description = Specification({term: over(term) for term in terms}).identify()
+    asked = description.ask(P(B, C, D))
+    assert asked.simplified.largest == 50**3
+    with pytest.raises(TooLarge):
+        description.ask(P(B, C, D), largest=8 * 50**3 - 1)
+    tracemalloc.start()
+    compiled(asked.simplified.start, (), asked.searched).run(())
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 4 * 8 * 50**3
