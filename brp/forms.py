@@ -187,7 +187,7 @@ class Switch(Form):
         self.cases = dict(cases)
         self._forms: dict[int, Form] = {}
         for key, form in self.cases.items():
-            if not isinstance(form, Form):  # type: ignore[redundant-expr]  # a user's slip
+            if not isinstance(form, Form):
                 raise SpecificationError(f"the Switch on {variable} has {form!r} for {key}, which is no form")
             for value in key if isinstance(key, tuple) else (key,):
                 place = variable.place(value)

@@ -105,6 +105,7 @@ def test_the_watchman_computes_the_homing_only_where_it_may_home() -> None:
     assert "np.zeros" in watchman.source
 
 
+@st.composite
 def chains_and_loops(draw: st.DrawFn) -> tuple[list[frozenset[Variable]], list[Variable]]:
     variables = [Variable(f"V{k}", range(draw(st.integers(2, 9)))) for k in range(draw(st.integers(2, 6)))]
     scopes = draw(st.lists(st.sets(st.sampled_from(variables), min_size=1, max_size=3), min_size=1, max_size=7))
@@ -116,7 +117,7 @@ def chains_and_loops(draw: st.DrawFn) -> tuple[list[frozenset[Variable]], list[V
 @settings(max_examples=100, deadline=None)
 @given(st.data())
 def test_the_search_finds_the_cheapest_of_all_orders(data: st.DataObject) -> None:
-    scopes, unknown = chains_and_loops(data.draw)
+    scopes, unknown = data.draw(chains_and_loops())
     search = _Search(scopes, unknown, 100_000)
     search.exhaustively()
     every = _Search(scopes, unknown, 0)

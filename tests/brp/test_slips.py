@@ -36,6 +36,11 @@ A, B, Prox = Variable("A", range(3)), Variable("B", range(2)), Variable("Prox", 
 BIG = [Variable(f"G{k}", range(10_000)) for k in range(4)]
 EVEN: dict[Term, Form] = {P(v): Uniform() for v in (B, Prox, *BIG)}
 asked = Specification({**EVEN, P(A | B): Table(np.full((3, 2), 1 / 3))}).identify().ask(P(A | B))
+# What a type checker would refuse already.
+NOTHING: Any = None
+LISTED: Any = [1]
+THREE: Any = 3
+NO_TERM: Any = A
 softly = asked.description.ask(P(A | B), soft=B)
 
 
@@ -43,11 +48,11 @@ softly = asked.description.ask(P(A | B), soft=B)
     ("slip", "refusal", "words"),
     [
         (lambda: Variable("X", [1.0, float("nan")]), TermError, "nan is no value"),
-        (lambda: Variable("X", [None, 1]), TermError, "None is no value"),
-        (lambda: Variable("X", [[1], 2]), TermError, "no value for a variable"),
+        (lambda: Variable("X", [NOTHING, 1]), TermError, "None is no value"),
+        (lambda: Variable("X", [LISTED, 2]), TermError, "no value for a variable"),
         (lambda: Specification({P(A, B): Dirac((1,))}), SpecificationError, "a tuple of 2 values"),
         (lambda: Specification({P(A, B): Dirac(1)}), SpecificationError, "a tuple of 2 values"),
-        (lambda: Switch(B, {0: Uniform(), 1: 3}), SpecificationError, "3 for 1, which is no form"),
+        (lambda: Switch(B, {0: Uniform(), 1: THREE}), SpecificationError, "3 for 1, which is no form"),
         (
             lambda: Specification({**EVEN, P(A | B): Switch(Prox, dict.fromkeys(range(16), Uniform()))}),
             SpecificationError,
@@ -58,7 +63,7 @@ softly = asked.description.ask(P(A | B), soft=B)
             SpecificationError,
             "no number",
         ),
-        (lambda: asked.description.ask(A), QuestionError, "wants a term"),
+        (lambda: asked.description.ask(NO_TERM), QuestionError, "wants a term"),
         (lambda: asked.batch({"B": "abc"}), EvidenceError, "a column of values"),
         (lambda: asked.batch({"B": 1}), EvidenceError, "a column of values"),
         (lambda: softly(B={0: "much"}), NotAValue, "'much' of 0"),
