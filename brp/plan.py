@@ -23,7 +23,7 @@ from brp.source import FEW, Run, looked_up
 from brp.tables import Sizes
 from brp.variables import Variable, cells
 
-__all__ = ["Compiled", "compiled", "probabilities"]
+__all__ = ["Compiled", "Compiler", "compiled", "do", "probabilities"]
 
 SUMS = 8
 """How many sums may follow one another before their result is scaled up."""
@@ -61,17 +61,18 @@ def compiled(
     of ``known``, then the weights of ``soft``; with ``keywords`` a mapping from the keyword of each of them to its
     value, or to what `weigh` takes. A mapping that does not fit raises `KeyError`, `TypeError` or `EvidenceError`.
     """
-    return _Compiler(known, soft, sizes or Sizes(start)).compile(start, order, keywords)
+    return Compiler(known, soft, sizes or Sizes(start)).compile(start, order, keywords)
 
 
-class _Compiler(Products):
+class Compiler(Products):
     """Turns an expression into lines of source over named arrays."""
 
     def compile(self, start: Node, order: Axes, keywords: bool) -> Compiled:
+        """The function, and its text."""
         self.root = start
         while isinstance(self.root, Otherwise):
             self.root = self.root.children[0]
-        result = climb(_do, self._emit, start, order, self._lengths(start, order), False)
+        result = climb(do, self._emit, start, order, self._lengths(start, order), False)
         lookup = looked_up(self.source, self.place, self.weights) if keywords else []
         text, run = self.source.function("ask", result, lookup)
         return Compiled(run, "\n\n".join([*self.source.functions, text]))
@@ -243,10 +244,10 @@ class _Compiler(Products):
         registers = self.source.registers = self.source.registers + 1
         for number, branch in enumerate(here.children):
             if id(branch) not in made:
-                inner = _Compiler(self.known, self.soft, self.sizes, self)
+                inner = Compiler(self.known, self.soft, self.sizes, self)
                 inner.source.registers = registers
                 own = self._lengths(branch, order)
-                name = climb(_do, inner._emit, branch, order, own, scale)
+                name = climb(do, inner._emit, branch, order, own, scale)
                 if own != natural:
                     name = inner.source.register(f"np.broadcast_to({name}, {natural})")
                 inner.source.line(f"{result} = {name}")
@@ -336,10 +337,10 @@ class _Compiler(Products):
     def _asked_within(self, here: Conditional, own: list[Variable], order: Axes, shape: Shape) -> str:
         """A question whose searched variables are known around it: normalised first, by a function of its own."""
         known = tuple(v for v in self.known if v not in own)
-        inner = _Compiler(known, self.soft, self.sizes, self)
+        inner = Compiler(known, self.soft, self.sizes, self)
         full = (*own, *order)
         lengths = (*map(len, own), *self._lengths(here, order))
-        result = climb(_do, inner._emit, here, full, lengths, False)
+        result = climb(do, inner._emit, here, full, lengths, False)
         text, run = inner.source.function("within", result)
         self.source.functions.append(text)
         told = [*(self.place[v] for v in known), *self.weights.values()]
@@ -363,6 +364,6 @@ class _Compiler(Products):
         return self._reshaped(result, own[len(fixed) :], shape)
 
 
-def _do(task: Callable[..., Emission], *arguments: Any) -> Emission:
+def do(task: Callable[..., Emission], *arguments: Any) -> Emission:
     """`climb` runs tasks of several kinds."""
     return task(*arguments)

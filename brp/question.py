@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brp.batch import answered, columns
+from brp.batch import columns
 from brp.distribution import Distribution
 from brp.errors import EvidenceError, ImpossibleEvidence, QuestionError, TooLarge
 from brp.evidence import Evidence, Signature
@@ -22,6 +22,7 @@ from brp.logs import logarithms
 from brp.plan import compiled, probabilities
 from brp.propositions import Proposition
 from brp.renewal import Plan, renewed
+from brp.rows import Rows
 from brp.simplification import Simplified, simplify
 from brp.subroutine import Renamed, subroutine
 from brp.tables import Sizes
@@ -87,6 +88,7 @@ class Question(Form):
             )
         self._shape = tuple(map(len, self.searched))
         self._table: NDArray[np.float64] | None = None
+        self._rows: Rows | None = None
         self._hard = tuple(v for v in self.known if v not in soft) if soft else self.known
         sizes = Sizes(self.start)
         if sizes.folds(self.start):
@@ -234,7 +236,9 @@ class Question(Form):
                 cell += evidence.places[v] * stride
             answers = self._table[cell]
         else:
-            answers = answered(self.start, self.searched, count, evidence, self.simplified.largest)
+            if self._rows is None:
+                self._rows = Rows(self.start, self._hard, self.searched, self.soft, self.simplified.largest)
+            answers = self._rows.answer(count, evidence)
         flat = answers.reshape(count, int(np.prod(self._shape)))
         wrong = np.flatnonzero(np.logical_or.reduce(np.isnan(flat), axis=1))
         if len(wrong):

@@ -114,6 +114,7 @@ BRP = [
     "source",
     "products",
     "plan",
+    "rows",
     "explain",
     "subroutine",
     "question",
