@@ -126,8 +126,7 @@ class _ManyRows(Compiler):
         return super()._table(here, tuple(v for v in order if v != self.row), shape, scale)
 
     def _axes(self, here: Node, order: Axes) -> tuple[Axes, Axes]:
-        known, axes = super()._axes(here, tuple(v for v in order if v != self.row))
-        return known, axes
+        return super()._axes(here, tuple(v for v in order if v != self.row))
 
     def _density(self, here: Leaf, order: Axes, shape: Shape) -> str:
         axes = tuple(v for v in order if v in here.scope)

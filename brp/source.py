@@ -25,7 +25,7 @@ FEW = 16
 """So few numbers are added faster by Python than by numpy."""
 SHARED = 65_536
 """The bytes up to which a table is compared with those that are there already."""
-DONE = 4096
+DONE = 512
 """The most numbers of a constant that is worked with at once, and not each time that the function is called."""
 WRITTEN = 200
 """So many variables may be told by keyword with a line of source for each."""
