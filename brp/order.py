@@ -21,7 +21,7 @@ SHARE = 1000
 BUDGET = 20_000
 """... and no more than so many in all."""
 DEEP = 60
-"""With more variables than this nothing but greedy orders is tried."""
+"""With more variables than this only greedy orders are tried."""
 PLAIN = 2, 8
 """A number of a product that numpy multiplies one by one costs as much as so many within a product of matrices:
 while the product stays in the processor's cache, and where it does not."""
@@ -175,10 +175,12 @@ class _Search:
             self.best, self.cost = tuple(order), total
 
     def greedily(self, tie: Tie) -> None:
-        """Each time the variable that costs least."""
+        """Each time the variable that costs least; given up where the budget ends."""
         order: list[int] = []
         scopes, left = self.scopes, set(self.unknown)
         while left:
+            if self.budget < 0:
+                return
             last = scopes[-1] if order else 0
             weighed = ((*self.without(scopes, v), v) for v in sorted(left))
             _, scopes, variable = min(weighed, key=lambda w: (w[0], tie(w[2], last), w[2]))
