@@ -227,11 +227,11 @@ def _log_files(folder: Path) -> list[str]:
 
 def _opened(path: Path) -> BinaryIO:
     """The file, opened without waiting for it: a pipe in its place would never have an end."""
-    file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK | os.O_CLOEXEC))
-    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-        file.close()
+    file = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    if not stat.S_ISREG(os.fstat(file).st_mode):
+        os.close(file)
         raise OSError(errno.EINVAL, "it is not a plain file")
-    return file
+    return os.fdopen(file, "rb")
 
 
 def _row(line: bytes, where: str) -> dict[str, Any]:
