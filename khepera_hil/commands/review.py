@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -116,6 +117,8 @@ def _picture(asked: argparse.Namespace, run: Run, shown: list[Path]) -> None:
 
 def _serve(run: Run, where: Address, shown: list[Path]) -> None:
     arguments = ["--serve-web", "--bind", where.host, "--web-viewer-port", str(where.web_port)]
+    for which in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(which, signal.default_int_handler)  # whatever ends us ends the server too
     process = start([*shown, *arguments, "--port", str(where.grpc_port)])
     print(f"{run.name} at {where.page}; Ctrl-C ends it", flush=True)
     try:
