@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 import tempfile
@@ -69,15 +70,11 @@ def _good(run: Run, *, anew: bool) -> Iterator[list[Path]]:
     if run.going_on:
         raise RecordingError(f"{run.name} is being recorded; review it when it has ended, or run with --view")
     print(f"{run.name}: {why}; making it anew from the log", file=sys.stderr)
-    try:
-        made = remake(run.folder, _ticks(run))
-    except RecordingError as error:
-        if "cannot be written" not in str(error):
-            raise
+    if os.access(run.folder, os.W_OK):
+        yield remake(run.folder, _ticks(run))
+    else:
         with tempfile.TemporaryDirectory() as elsewhere:
             yield remake(run.folder, _ticks(run), into=elsewhere)
-        return
-    yield made
 
 
 def _wrong(run: Run) -> str | None:

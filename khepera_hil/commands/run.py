@@ -21,6 +21,7 @@ import serial
 
 from khepera_hil import chance
 from khepera_hil.clock import Clock, WallClock
+from khepera_hil.commands import COMMANDS
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
 from khepera_hil.controllers import PROGRAMS
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
@@ -44,13 +45,11 @@ LOCAL = "127.0.0.1"
 _TERMINAL = "the terminal"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
 
-EPILOG = """\
-commands:
-  khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program
-  khepera-hil runs          list recorded runs
-  khepera-hil review RUN    open one in the viewer, or make a picture of it
-  khepera-hil replay RUN    ask its questions again, or ask another program on the same readings
-  khepera-hil compare RUN RUN, explain RUN, export RUN      (each has its --help)
+_COMMANDS = "\n".join(f"  khepera-hil {name:9} {does}" for name, does in COMMANDS.items() if name != "run")
+
+EPILOG = f"""\
+commands (each has its --help):
+{_COMMANDS}
 
 examples:
   khepera-hil --program home --duration 60                    on the emulated robot
@@ -136,7 +135,7 @@ def _run(
         viewer.wait_until_open()
         if live is not None:
             looking = partial(open_live, recording.manifest, live, page=bool(asked.serve), window=asked.view)
-            recording.follow(Follower(looking, name="the live view", waits=False))
+            recording.follow(Follower(looking, name="the live view", waits=clock.simulated))
             if asked.serve:
                 print(f"look on at {live.page} or by: {_rerun()} {live.stream}")
         if sys.stdout is not None:  # nobody looks where it was closed

@@ -293,6 +293,27 @@ def test_the_hash_of_an_answer_is_of_its_numbers_and_stays() -> None:
     assert digest(np.nextafter(p, 1)) != digest(p)
 
 
+probabilities = st.lists(st.floats(0, 1), min_size=2, max_size=40).filter(lambda p: sum(p) > 0.01)
+
+
+@given(probabilities, st.data())
+def test_two_sketches_are_no_further_apart_than_their_distributions(p: list[float], data: st.DataObject) -> None:
+    def answer(values: list[float]) -> Answer:
+        whole = np.array(values) / sum(values)
+        return Answer("q", ("A",), (tuple(range(len(values))),), whole)
+
+    one = answer(p)
+    other = answer(data.draw(st.permutations(p)))
+    assert abs(one.sketch() - other.sketch()) <= np.abs(one.p - other.p).sum() + 1e-12
+    assert answer(p).sketch() == one.sketch()
+
+
+def test_an_answer_that_is_no_distribution_does_not_stop_the_log() -> None:
+    tick = next(synthetic.ticks(1))
+    tick.answers["H"] = Answer("q", ("A",), ((0, 1),), np.array([np.nan, 1.0]))
+    assert json.loads(tick.line())["sketch"]["H"] is None
+
+
 def test_nothing_is_written_after_the_end(tmp_path: Path) -> None:
     recording = create(tmp_path)
     recording.close({"stop": "duration"})
