@@ -248,7 +248,10 @@ def _load(text: bytes) -> Any:
     def refuse(constant: str) -> None:
         raise ValueError(f"{constant} is not a number")
 
-    return json.loads(text.decode("utf-8"), parse_constant=refuse)
+    found = json.loads(text.decode("utf-8"), parse_constant=refuse)
+    if b"\\u" in text:  # an escape may make half a character, which nobody could print or export
+        json.dumps(found, ensure_ascii=False).encode()
+    return found
 
 
 def _said(error: Exception) -> str:

@@ -195,7 +195,17 @@ def test_a_half_last_line_is_passed_over(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "line",
-    [b"{", b"[1,2]", b'{"tick":"3"}', b'{"tick":NaN}', b"\xff\xfe", b"[" * 100_000, b"", b"__import__('os')"],
+    [
+        b"{",
+        b"[1,2]",
+        b'{"tick":"3"}',
+        b'{"tick":NaN}',
+        b"\xff\xfe",
+        b"[" * 100_000,
+        b"",
+        b"__import__('os')",
+        b'{"tick":2,"t":"\\ud800"}',
+    ],
 )
 def test_a_damaged_line_is_refused_with_file_and_line(tmp_path: Path, line: bytes) -> None:
     recording = create(tmp_path)
