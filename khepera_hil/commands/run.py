@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import secrets
+import shutil
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -35,7 +36,7 @@ from khepera_hil.service import Service
 from khepera_hil.terminal import Terminal
 from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
 from khepera_hil.viewer.live import Address, address, open_live
-from khepera_hil.viewer.program import has_screen, program
+from khepera_hil.viewer.program import has_screen
 from khepera_hil.world import arenas
 
 __all__ = ["main"]
@@ -97,9 +98,9 @@ def _live(asked: argparse.Namespace) -> Address | None:
     """Where viewers of the running loop are served, if they are."""
     if asked.view and not has_screen():
         raise UsageError("there is no screen here to open the viewer on; --serve shows the run in a browser")
-    if not (asked.view or asked.serve):
+    if not asked.view and asked.serve is None:
         return None
-    return address(asked.serve or LOCAL)
+    return address(LOCAL if asked.serve is None else asked.serve)
 
 
 def _run(
@@ -134,10 +135,11 @@ def _run(
         recording.follow(viewer)
         viewer.wait_until_open()
         if live is not None:
-            looking = partial(open_live, recording.manifest, live, page=bool(asked.serve), window=asked.view)
+            page = asked.serve is not None
+            looking = partial(open_live, recording.manifest, live, page=page, window=asked.view)
             recording.follow(Follower(looking, name="the live view", waits=clock.simulated))
-            if asked.serve:
-                print(f"look on at {live.page} or by: {_rerun()} {live.stream}")
+            if page:
+                print(f"look on at {live.page} or by: {_called('rerun')} {live.stream}")
         if sys.stdout is not None:  # nobody looks where it was closed
             sys.stdout.flush()
             recording.follow(Follower(Terminal(sys.stdout, asked.program), name=_TERMINAL, waits=False))
@@ -175,17 +177,19 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
     print(f"stopped ({ending['stop']}) after {ending['ticks']} ticks, {ending['missed']} deadlines missed")
     if ending["score"]:
         print("score: " + ", ".join(f"{name} {value}" for name, value in ending["score"].items()))
-    print(f"recorded in {recording.folder}; to look at it: khepera-hil review {recording.folder}")
+    print(f"recorded in {recording.folder}; to look at it: {_called('khepera-hil')} review {recording.folder}")
     if as_json:
         about = {name: recording.manifest[name] for name in ("program", "seed")}
         print(json.dumps({"run": str(recording.folder), **about, **ending}))
     return failure
 
 
-def _rerun() -> str:
-    """How the viewer is called here: it is installed beside the interpreter, which may not be on the PATH."""
-    path = Path(program())
-    return os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path)
+def _called(name: str) -> str:
+    """How a program is called here: it is installed beside the interpreter, which may not be on the PATH."""
+    beside = Path(sys.executable).with_name(name)
+    if shutil.which(name) is None and beside.exists():
+        return os.path.relpath(beside) if beside.is_relative_to(Path.cwd()) else str(beside)
+    return name
 
 
 def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
