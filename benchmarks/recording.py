@@ -27,7 +27,7 @@ from khepera_hil.follower import Follower
 from khepera_hil.reading import find
 from khepera_hil.recording import Recording, Tick
 from khepera_hil.replay import replay
-from khepera_hil.viewer import FILE, HOUR, ROWS_FAST, ROWS_WALL, files, open_file
+from khepera_hil.viewer import FILE, PIECE, ROWS_FAST, ROWS_WALL, files, open_file
 from khepera_hil.viewer.live import address, open_live
 from tests.recording import synthetic
 
@@ -135,7 +135,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--ticks", type=int, default=1000)
     parser.add_argument("--hours", type=int)
-    parser.add_argument("--minutes", type=float, default=HOUR / 60, help="to a file, with --hours")
+    parser.add_argument("--minutes", type=float, default=PIECE / 60, help="to a file, with --hours")
     asked = parser.parse_args()
     if asked.hours is None:
         main(asked.ticks)
