@@ -101,11 +101,14 @@ def find(name: str | Path, runs: Path) -> Run:
         if not found:
             raise RecordingError(f"there is no recorded run in {runs}; make one with khepera-hil, or say --runs")
         return found[-1]
-    for folder in (Path(name), runs / name):
-        if folder.is_dir():
-            return Run(folder, read_manifest(folder))
-    if Path(name).exists():
-        raise RecordingError(f"{name} is a file, and a run is a folder with {MANIFEST} in it")
+    try:
+        for folder in (Path(name), runs / name):
+            if folder.is_dir():
+                return Run(folder, read_manifest(folder))
+        if Path(name).exists():
+            raise RecordingError(f"{name} is a file, and a run is a folder with {MANIFEST} in it")
+    except OSError as error:
+        raise _unreadable(Path(name), error) from None
     raise RecordingError(f"there is no run {name}, here or in {runs}; khepera-hil runs lists what there is")
 
 

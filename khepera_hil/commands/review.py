@@ -13,7 +13,7 @@ from pathlib import Path
 
 from khepera_hil.commands.parser import Parser, number
 from khepera_hil.commands.recorded import add_run, add_runs, controller_of, opened
-from khepera_hil.errors import RecordingError, UsageError
+from khepera_hil.errors import RecordingError, UsageError, ViewerError
 from khepera_hil.reading import Run
 from khepera_hil.recording import Tick
 from khepera_hil.replay import answered
@@ -21,7 +21,7 @@ from khepera_hil.viewer import files, remake
 from khepera_hil.viewer.check import damage
 from khepera_hil.viewer.live import Address, address
 from khepera_hil.viewer.picture import picture
-from khepera_hil.viewer.program import end, has_screen, start
+from khepera_hil.viewer.program import end, has_screen, program, start
 
 __all__ = ["main"]
 
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str]) -> int:
         elif where is not None:
             _serve(run, where, shown)
         else:
-            start([*shown, "--port", "auto"]).wait()
+            _open(shown)
     return 0
 
 
@@ -98,6 +98,14 @@ def _ticks(run: Run) -> Iterator[Tick]:
         print(f"{error}; its distributions are left out", file=sys.stderr)
         return run.ticks()
     return answered(run, questions)
+
+
+def _open(shown: list[Path]) -> None:
+    if (code := start([*shown, "--port", "auto"]).wait()) != 0:
+        raise ViewerError(
+            f"the viewer ended with code {code}; --serve shows the run in a browser, and "
+            f"{program()} {shown[0]} says what the viewer lacks"
+        )
 
 
 def _picture(asked: argparse.Namespace, run: Run, shown: list[Path]) -> None:

@@ -77,7 +77,12 @@ def test_a_run_is_found_by_its_path_its_name_or_as_the_last(runs: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "sentence"),
-    [("nowhere", "there is no run nowhere"), ("file", "is a file"), ("empty", r"is not a run's folder")],
+    [
+        ("nowhere", "there is no run nowhere"),
+        ("file", "is a file"),
+        ("empty", r"is not a run's folder"),
+        ("long" * 100, "cannot be read: File name too long"),
+    ],
 )
 def test_what_is_no_run_is_refused_in_a_sentence(
     tmp_path: Path, name: str, sentence: str, monkeypatch: pytest.MonkeyPatch
