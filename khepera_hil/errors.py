@@ -10,7 +10,8 @@
     |   `-- Refused                4  the robot said that it did not understand the command
     |-- WireTooSlow                5  what a tick needs does not fit into the period at this baud rate
     |-- WorldError                 2  an arena that cannot be read or furnished
-    |-- RecordingError             6  the run's folder cannot be written
+    |-- RecordingError             6  the run's folder cannot be written, or read back
+    |-- ViewerError                1  the viewer is not there, or cannot draw here
     `-- ProtocolError              1  bytes that are not in the protocol's grammar (raised by ``protocol`` only)
 
 ``__main__`` turns each of them into one sentence on standard error and its ``exit_code``; nothing else
@@ -30,6 +31,7 @@ __all__ = [
     "Refused",
     "RobotError",
     "UsageError",
+    "ViewerError",
     "WireTooSlow",
     "WorldError",
 ]
@@ -91,6 +93,10 @@ class RecordingError(KheperaHilError):
     """The run's folder cannot be written, or read back."""
 
     exit_code = 6
+
+
+class ViewerError(KheperaHilError):
+    """The viewer is not installed, or cannot draw here."""
 
 
 class ProtocolError(KheperaHilError):

@@ -22,6 +22,7 @@ import serial
 
 from khepera_hil import chance
 from khepera_hil.clock import Clock, WallClock
+from khepera_hil.commands import COMMANDS
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
 from khepera_hil.controllers import PROGRAMS
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
@@ -34,22 +35,28 @@ from khepera_hil.recording import Recording, Tick
 from khepera_hil.service import Service
 from khepera_hil.terminal import Terminal
 from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
+from khepera_hil.viewer.live import Address, address, open_live
+from khepera_hil.viewer.program import has_screen
 from khepera_hil.world import arenas
 
 __all__ = ["main"]
 
 DEFAULT_WORLD = "furnished"
+LOCAL = "127.0.0.1"
 _TERMINAL = "the terminal"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
 
-EPILOG = """\
-commands:
-  khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program (see its --help)
+_COMMANDS = "\n".join(f"  khepera-hil {name:9} {does}" for name, does in COMMANDS.items() if name != "run")
+
+EPILOG = f"""\
+commands (each has its --help):
+{_COMMANDS}
 
 examples:
   khepera-hil --program home --duration 60                    on the emulated robot
   khepera-hil --port /dev/ttyS0 --program avoid               on a robot, until Ctrl-C
   khepera-hil --program home --fast --duration 120 --seed 3   simulated time, repeatable
+  khepera-hil --program avoid --serve                         with a page for browsers to look on
 
 exit codes: 0 ended well (duration, Ctrl-C, SIGTERM)  2 wrong arguments  3 port  4 robot  5 wire too slow
             6 recording  1 anything else
@@ -63,6 +70,7 @@ def main(arguments: Sequence[str]) -> int:
         _list()
         return 0
     existing_name("program", asked.program, list(PROGRAMS))
+    live = _live(asked)
     chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
     url = port_url(asked.port, asked.world, fast=asked.fast, seed=chosen_seed)
     # From here on pyserial knows emulator:// (a module protocol_emulator in our package of handlers).
@@ -82,11 +90,28 @@ def main(arguments: Sequence[str]) -> int:
             witness=witness,
         )
         with _signals(service):
-            _run(asked, chosen_seed, url, service, clock, witness)
+            _run(asked, chosen_seed, url, service, clock, witness, live)
     return 0
 
 
-def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock: Clock, witness: Any) -> None:
+def _live(asked: argparse.Namespace) -> Address | None:
+    """Where viewers of the running loop are served, if they are."""
+    if asked.view and not has_screen():
+        raise UsageError("there is no screen here to open the viewer on; --serve shows the run in a browser")
+    if not asked.view and asked.serve is None:
+        return None
+    return address(LOCAL if asked.serve is None else asked.serve)
+
+
+def _run(
+    asked: argparse.Namespace,
+    seed: int,
+    url: str,
+    service: Service,
+    clock: Clock,
+    witness: Any,
+    live: Address | None,
+) -> None:
     versions = service.connect()
     manifest: dict[str, Any] = {
         "port": asked.port,
@@ -109,6 +134,12 @@ def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock
         viewer: Follower[Tick] = Follower(opening, name=FILE, waits=clock.simulated)
         recording.follow(viewer)
         viewer.wait_until_open()
+        if live is not None:
+            page = asked.serve is not None
+            looking = partial(open_live, recording.manifest, live, page=page, window=asked.view)
+            recording.follow(Follower(looking, name="the live view", waits=clock.simulated))
+            if page:
+                print(f"look on at {live.page} or by: {_called('rerun')} {live.stream}")
         if sys.stdout is not None:  # nobody looks where it was closed
             sys.stdout.flush()
             recording.follow(Follower(Terminal(sys.stdout, asked.program), name=_TERMINAL, waits=False))
@@ -146,19 +177,19 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
     print(f"stopped ({ending['stop']}) after {ending['ticks']} ticks, {ending['missed']} deadlines missed")
     if ending["score"]:
         print("score: " + ", ".join(f"{name} {value}" for name, value in ending["score"].items()))
-    print(f"recorded in {recording.folder}; to look at it: {_rerun()} {recording.folder / FILE}")
+    print(f"recorded in {recording.folder}; to look at it: {_called('khepera-hil')} review {recording.folder}")
     if as_json:
         about = {name: recording.manifest[name] for name in ("program", "seed")}
         print(json.dumps({"run": str(recording.folder), **about, **ending}))
     return failure
 
 
-def _rerun() -> str:
-    """How the viewer is called here: it is installed beside the interpreter, which may not be on the PATH."""
-    beside = Path(sys.executable).parent / "rerun"
-    if shutil.which("rerun") is None and beside.exists():
+def _called(name: str) -> str:
+    """How a program is called here: it is installed beside the interpreter, which may not be on the PATH."""
+    beside = Path(sys.executable).with_name(name)
+    if shutil.which(name) is None and beside.exists():
         return os.path.relpath(beside) if beside.is_relative_to(Path.cwd()) else str(beside)
-    return "rerun"
+    return name
 
 
 def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
@@ -256,6 +287,14 @@ def _parser() -> Parser:
     )
     add("--fast", action="store_true", help="simulated time, as quick as the machine can; in-process emulator only")
     add("--runs", type=Path, default=Path("runs"), metavar="DIR", help="where recordings go (default: %(default)s)")
+    add("--view", action="store_true", help="open the viewer on the running loop")
+    add(
+        "--serve",
+        nargs="?",
+        const=LOCAL,
+        metavar="ADDRESS",
+        help="serve the running loop to browsers and viewers, at HOST or HOST:PORT (default: %(const)s)",
+    )
     add("--json", action="store_true", help="the last line on standard output is the result as one JSON object")
     add("--list", action="store_true", help="list programs and arenas, and end")
     return parser
