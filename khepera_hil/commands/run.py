@@ -7,45 +7,50 @@ import json
 import os
 import secrets
 import shutil
-import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import asdict
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from types import FrameType
 from typing import Any
 from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
 import serial
 
 from khepera_hil import chance
+from khepera_hil.budget import plan
 from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands import COMMANDS
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
+from khepera_hil.commands.signals import heeded
 from khepera_hil.controllers import PROGRAMS
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
+from khepera_hil.faultspec import Specification
 from khepera_hil.follower import Follower
+from khepera_hil.guarding import Guarding, Process, Unguarded, limit
 from khepera_hil.khepera import Khepera
-from khepera_hil.link import Link, check_budget
-from khepera_hil.opening import open_port
+from khepera_hil.link import Link
+from khepera_hil.opening import Port, close_port, descriptor, open_port, reopen
+from khepera_hil.orders import OrderSocket
 from khepera_hil.quantiles import Quantiles
+from khepera_hil.realtime import Collector, ask_for_realtime
+from khepera_hil.reconnection import stable_name
 from khepera_hil.recording import Recording, Tick
-from khepera_hil.service import Service
+from khepera_hil.service import PATIENCE, Service
+from khepera_hil.systemd import Manager
 from khepera_hil.terminal import Terminal
 from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
 from khepera_hil.viewer.live import Address, address, open_live
 from khepera_hil.viewer.program import has_screen
-from khepera_hil.world import arenas
+from khepera_hil.world import arenas, load_scenario, scenarios
 
 __all__ = ["main"]
 
 DEFAULT_WORLD = "furnished"
 LOCAL = "127.0.0.1"
 _TERMINAL = "the terminal"
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
-
 _COMMANDS = "\n".join(f"  khepera-hil {name:9} {does}" for name, does in COMMANDS.items() if name != "run")
 
 EPILOG = f"""\
@@ -58,8 +63,8 @@ examples:
   khepera-hil --program home --fast --duration 120 --seed 3   simulated time, repeatable
   khepera-hil --program avoid --serve                         with a page for browsers to look on
 
-exit codes: 0 ended well (duration, Ctrl-C, SIGTERM)  2 wrong arguments  3 port  4 robot  5 wire too slow
-            6 recording  1 anything else
+exit codes: 0 ended well (duration, Ctrl-C, SIGTERM, order)  2 wrong arguments  3 port  4 robot
+            5 wire too slow  6 recording  7 guard  1 anything else
 """
 
 
@@ -72,25 +77,41 @@ def main(arguments: Sequence[str]) -> int:
     existing_name("program", asked.program, list(PROGRAMS))
     live = _live(asked)
     chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
-    url = port_url(asked.port, asked.world, fast=asked.fast, seed=chosen_seed)
+    url = port_url(asked.port, asked.world, asked.scenario, fast=asked.fast, seed=chosen_seed, faults=asked.faults)
     # From here on pyserial knows emulator:// (a module protocol_emulator in our package of handlers).
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
     controller = PROGRAMS[asked.program][1]()
-    check_budget([*controller.needs, "D"], asked.baud, asked.period)
-    with closing(open_port(url, asked.baud)) as port:
-        clock: Clock = getattr(port, "clock", None) or WallClock()
-        witness = getattr(port, "witness", None)
+    plan(asked.program, controller.needs, baud=asked.baud, period=asked.period, verify=asked.verify)
+    if asked.realtime:
+        for refusal in ask_for_realtime():
+            _remark(refusal)
+    port = open_port(url, asked.baud, _remark)
+    clock: Clock = getattr(port, "clock", None) or WallClock()
+    try:
+        guard = _guard(port, asked)
+    except BaseException:
+        close_port(port)
+        raise
+    with closing(Manager()) as manager:
+        between = _Between(manager, Collector())
         service = Service(
             Khepera(Link(port, clock, baud=asked.baud)),
             controller,
             clock=clock,
             period=asked.period,
             rng=chance.generator(chosen_seed, "program"),
-            witness=witness,
+            verify=asked.verify,
+            witness=getattr(port, "witness", None),
+            guard=guard,
+            reopen=partial(_reopened, port, stable_name(url), asked.baud, clock),
+            resume=asked.resume,
+            patience=asked.patience,
+            idle=between.idle,
         )
-        with _signals(service):
-            _run(asked, chosen_seed, url, service, clock, witness, live)
+        between.service = service
+        with closing(service), heeded(service):
+            _run(asked, chosen_seed, url, service, clock, getattr(port, "witness", None), between, live)
     return 0
 
 
@@ -103,6 +124,40 @@ def _live(asked: argparse.Namespace) -> Address | None:
     return address(LOCAL if asked.serve is None else asked.serve)
 
 
+def _guard(port: Port, asked: argparse.Namespace) -> Guarding:
+    """A guard where the port has a descriptor to write to in our place; else one line, or none for the emulator."""
+    if descriptor(port) is not None:
+        return Process(limit(asked.period))
+    if not hasattr(port, "witness"):
+        _remark(
+            f"{asked.port} has no descriptor, so there is no guard: "
+            "should this process be killed, the wheels keep their speed"
+        )
+    return Unguarded()
+
+
+def _reopened(port: Port, name: str, baud: int, clock: Clock) -> Khepera:
+    return Khepera(Link(reopen(port, name, baud), clock, baud=baud))
+
+
+class _Between:
+    """What is done when a tick is done: the service manager told, garbage collected."""
+
+    service: Service
+
+    def __init__(self, manager: Manager, collector: Collector) -> None:
+        self.manager, self.collector = manager, collector
+        self._told = ""
+
+    def idle(self, slack: float) -> None:
+        """With so many seconds left before the next tick."""
+        self.manager.alive()
+        if self.service.state != self._told:
+            self._told = self.service.state
+            self.manager.status(self._told)
+        self.collector.idle(slack)
+
+
 def _run(
     asked: argparse.Namespace,
     seed: int,
@@ -110,6 +165,7 @@ def _run(
     service: Service,
     clock: Clock,
     witness: Any,
+    between: _Between,
     live: Address | None,
 ) -> None:
     versions = service.connect()
@@ -118,11 +174,13 @@ def _run(
         "baud": asked.baud,
         "period_s": asked.period,
         "clock": "simulated" if clock.simulated else "wall",
+        "verify": asked.verify,
+        "faults": dict(parse_qsl(urlsplit(url).query)).get("faults"),
         "robot": {"bios": versions[0], "protocol": versions[1]},
         **service.program(),
         "world": None
         if witness is None
-        else {"name": _world_of(url), "size": witness.size(), "shapes": witness.shapes()},
+        else {**_world_of(url), "size": witness.size(), "shapes": witness.shapes()},
     }
     recording = Recording.create(
         asked.runs, program=asked.program, seed=seed, manifest=manifest, started=datetime.now()
@@ -143,7 +201,14 @@ def _run(
         if sys.stdout is not None:  # nobody looks where it was closed
             sys.stdout.flush()
             recording.follow(Follower(Terminal(sys.stdout, asked.program), name=_TERMINAL, waits=False))
-        service.run(recording, duration=asked.duration)
+        with _orders(recording.folder, clock, service) as orders:
+            between.manager.ready(f"{asked.program} on {asked.port}")
+            between.collector.begin()
+            try:
+                service.run(recording, duration=asked.duration, orders=orders)
+            finally:
+                between.collector.end()
+                between.manager.stopping()
     except BaseException:
         _finish(recording, service, witness, as_json=asked.json)
         raise
@@ -153,15 +218,36 @@ def _run(
         raise NoAnswer("the robot did not acknowledge the order to stop: see that its wheels stand still")
 
 
+@contextmanager
+def _orders(folder: Path, clock: Clock, service: Service) -> Iterator[list[OrderSocket]]:
+    """The operator's socket; none in simulated time, which must repeat, and where the folder can hold none."""
+    if clock.simulated:
+        yield []
+        return
+    try:
+        socket = OrderSocket(folder)
+    except OSError as error:
+        service.remark("warning", f"no orders will be taken: {folder} holds no socket ({error.strerror or error})")
+        yield []
+        return
+    with closing(socket):
+        yield [socket]
+
+
 def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bool) -> RecordingError | None:
     """Close the recording and say how the run went; what could not be written is returned, not raised."""
     ending: dict[str, Any] = {
         "ticks": service.ticks,
         "missed": service.missed,
         "without_data": service.blind,
+        "lines_lost": service.losses,
+        "robot_resets": service.resets,
+        "checks": asdict(service.checks),
+        "faults": {} if witness is None else witness.faults(),
         "work_ms": _percentiles(service.work),
         "late_ms": _percentiles(service.late),
         "stop": service.ended,
+        "state": service.state,
         "rested": service.rested,
         "error": service.error,
         "score": {} if witness is None else witness.score(),
@@ -175,6 +261,14 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
         if not loss.startswith(_TERMINAL):  # who closed it knows that
             print(f"khepera-hil: {loss}", file=sys.stderr)
     print(f"stopped ({ending['stop']}) after {ending['ticks']} ticks, {ending['missed']} deadlines missed")
+    if ending["checks"]["verified"]:
+        print(
+            "verified: {verified} answers, {third} read a third time, {refused} ticks refused".format_map(
+                ending["checks"]
+            )
+        )
+    if ending["faults"]:
+        print("faults: " + ", ".join(f"{kind} {number}" for kind, number in sorted(ending["faults"].items())))
     if ending["score"]:
         print("score: " + ", ".join(f"{name} {value}" for name, value in ending["score"].items()))
     print(f"recorded in {recording.folder}; to look at it: {_called('khepera-hil')} review {recording.folder}")
@@ -182,6 +276,10 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
         about = {name: recording.manifest[name] for name in ("program", "seed")}
         print(json.dumps({"run": str(recording.folder), **about, **ending}))
     return failure
+
+
+def _remark(sentence: str) -> None:
+    print(f"khepera-hil: {sentence}", file=sys.stderr)
 
 
 def _called(name: str) -> str:
@@ -198,13 +296,22 @@ def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
     return {name: None if value is None else round(1e3 * value, 3) for name, value in found.items()}
 
 
-def port_url(port: str, world: str | None, *, fast: bool, seed: int) -> str:
-    """What pyserial is asked to open. Only the in-process emulator has a world and a simulated clock."""
-    for flag, text in (("--port", port), ("--world", world)):
+def port_url(
+    port: str,
+    world: str | None,
+    scenario: str | None = None,
+    *,
+    fast: bool,
+    seed: int,
+    faults: str | None = None,
+) -> str:
+    """What pyserial is asked to open. Only the in-process emulator has worlds, scenarios and a simulated clock."""
+    for flag, text in (("--port", port), ("--world", world), ("--scenario", scenario)):
         if text == "":
             raise UsageError(f"{flag} is empty; leave it out for the emulator in its usual arena")
     if port.partition(":")[0].lower() != "emulator":
-        for flag, given in (("--fast", fast), ("--world", world is not None)):
+        asked = {"--world": world, "--scenario": scenario, "--faults": faults, "--fast": fast or None}
+        for flag, given in ((flag, value is not None) for flag, value in asked.items()):
             if given:
                 raise UsageError(f"{flag} goes with --port emulator only; {port} is a robot of its own")
         return port
@@ -212,50 +319,45 @@ def port_url(port: str, world: str | None, *, fast: bool, seed: int) -> str:
         parts = urlsplit(port if ":" in port else "emulator://")
     except ValueError:
         raise UsageError(f"--port {port} is no name of an emulator; write emulator://ARENA") from None
-    named = parts.netloc + parts.path
+    named = unquote(parts.netloc + parts.path)
     if world is not None and named and named != world:
         raise UsageError(f"--port {port} and --world {world} name two different worlds; leave one of them out")
-    query = dict(parse_qsl(parts.query, keep_blank_values=True))
+    # A plus is a plus, as in disconnect@30+5.
+    query = dict(parse_qsl(parts.query.replace("+", "%2B"), keep_blank_values=True))
     for key, flag in (("seed", "--seed"), ("clock", "--fast")):
         if key in query:
             raise UsageError(f"{key} does not go into the port's name; say {flag}")
+    if scenario is not None and query.setdefault("scenario", scenario) != scenario:
+        raise UsageError(
+            f"--port {port} and --scenario {scenario} name two different scenarios; leave one of them out"
+        )
+    if not (where := world or named) and "scenario" in query:
+        where = load_scenario(query["scenario"]).world or ""
     query |= {"seed": str(seed), "clock": "simulated" if fast else "wall"}
-    return f"emulator://{quote(world) if world else named or DEFAULT_WORLD}?{urlencode(query)}"
+    if faults is not None and query.setdefault("faults", faults) != faults:
+        raise UsageError(f"--port {port} and --faults {faults} name two different faults; leave one of them out")
+    if "faults" in query:
+        Specification.parse(query["faults"])  # a mistake is told before anything else happens
+    return f"emulator://{quote(where or DEFAULT_WORLD)}?{urlencode(query, quote_via=quote)}"
 
 
-def _world_of(url: str) -> str:
+def _world_of(url: str) -> dict[str, str | None]:
+    """Name and scenario of the world that a URL is about."""
     parts = urlsplit(url)
-    return unquote(parts.netloc + parts.path)
-
-
-@contextmanager
-def _signals(service: Service) -> Iterator[None]:
-    """Whatever asks the process to end or to pause ends the loop at its next tick, with wheels that stand still.
-
-    All that follows is bounded in time, so a second Ctrl-C, which a wrapper may send, changes nothing. A robot must
-    not drive on because a terminal was closed (SIGHUP) or its job stopped (Ctrl-Z).
-    """
-    before = {which: signal.getsignal(which) for which in _SIGNALS}
-
-    def stop(which: int, frame: FrameType | None) -> None:
-        service.stop("signal")
-
-    for which in before:
-        signal.signal(which, stop)
-    try:
-        yield
-    finally:
-        for which, handler in before.items():
-            signal.signal(which, handler)
+    query = dict(parse_qsl(parts.query))
+    return {"name": unquote(parts.netloc + parts.path), "scenario": query.get("scenario")}
 
 
 def _list() -> None:
     print("programs (--program):")
     for name, (does, _) in PROGRAMS.items():
-        print(f"  {name:12} {does}")
+        print(f"  {name:13} {does}")
     print("arenas of the emulator (--world):")
     for name, looks in arenas().items():
-        print(f"  {name:12} {looks}")
+        print(f"  {name:13} {looks}")
+    print("scenarios of the emulator (--scenario):")
+    for name, happens in scenarios().items():
+        print(f"  {name:13} {happens}")
 
 
 def _parser() -> Parser:
@@ -283,9 +385,34 @@ def _parser() -> Parser:
     add(
         "--world",
         metavar="ARENA",
-        help=f"of the in-process emulator: a name of --list or a TOML file (default: {DEFAULT_WORLD})",
+        help=f"of the in-process emulator: a name of --list or a TOML file (default: {DEFAULT_WORLD}, "
+        "or what the scenario was made for)",
+    )
+    add(
+        "--scenario",
+        metavar="NAME",
+        help="what happens in the world of the in-process emulator: a name of --list or a TOML file",
+    )
+    add(
+        "--faults",
+        metavar="SPEC",
+        help="faults of the line of the in-process emulator, such as flip=1e-3,late=0.01,disconnect@30+5",
     )
     add("--fast", action="store_true", help="simulated time, as quick as the machine can; in-process emulator only")
+    add(
+        "--verify",
+        action="store_true",
+        help="read the sensors twice, and hold them to what the robot can have moved: for a line that loses bytes",
+    )
+    add(
+        "--patience",
+        type=number(0.1, 1e6, "seconds"),
+        default=PATIENCE,
+        metavar="SECONDS",
+        help="for a lost line, or a silent robot, to come back (default: %(default)g)",
+    )
+    add("--resume", action="store_true", help="let a robot that was reset drive on by itself")
+    add("--realtime", action="store_true", help="ask for SCHED_FIFO and locked memory; a line says when refused")
     add("--runs", type=Path, default=Path("runs"), metavar="DIR", help="where recordings go (default: %(default)s)")
     add("--view", action="store_true", help="open the viewer on the running loop")
     add(
@@ -296,5 +423,5 @@ def _parser() -> Parser:
         help="serve the running loop to browsers and viewers, at HOST or HOST:PORT (default: %(const)s)",
     )
     add("--json", action="store_true", help="the last line on standard output is the result as one JSON object")
-    add("--list", action="store_true", help="list programs and arenas, and end")
+    add("--list", action="store_true", help="list programs, arenas and scenarios, and end")
     return parser

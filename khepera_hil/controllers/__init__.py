@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from khepera_hil.controllers import avoid, home, phototaxy
-from khepera_hil.controllers.base import Controller, Decision
+from khepera_hil.controllers.base import Commanded, Controller, Decision
 
-__all__ = ["PROGRAMS", "Controller", "Decision"]
+__all__ = ["PROGRAMS", "Commanded", "Controller", "Decision"]
 
 PROGRAMS: Mapping[str, tuple[str, Callable[[], Controller]]] = MappingProxyType(
     {

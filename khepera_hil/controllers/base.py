@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from brp import Distribution, Question, Value
-from khepera_hil.perception import Readings, Sense
+from khepera_hil.perception import Need, Readings, Sense
 
-__all__ = ["VTRANS", "Controller", "Decision", "Reactive", "wheels"]
+__all__ = ["VTRANS", "Commanded", "Controller", "Decision", "Reactive", "wheels"]
 
 VTRANS = 5
 """The fixed translation speed of section 4.1, on the scale of the watchman's Vtrans (0..10)."""
@@ -49,8 +49,8 @@ class Controller(Protocol):
         """As the command line knows it."""
 
     @property
-    def needs(self) -> tuple[str, ...]:
-        """Letters of the readings that each tick takes, in the order in which they are asked."""
+    def needs(self) -> Sequence[str | Need]:
+        """The readings that it takes, in the order in which they are asked; a bare letter is due in each tick."""
 
     @property
     def questions(self) -> Mapping[str, Question]:
@@ -62,6 +62,18 @@ class Controller(Protocol):
 
     def step(self, readings: Readings, rng: np.random.Generator) -> Decision:
         """One tick's decision. Raises brp's errors when the evidence is impossible."""
+
+
+@runtime_checkable
+class Commanded(Protocol):
+    """A controller that takes orders of the operator. Ask a program that knows none, and it is refused for it."""
+
+    def order(self, words: str) -> str:
+        """Take an order such as ``vigil on``, which holds from the next step on; what to tell whoever gave it.
+
+        Raises :class:`~khepera_hil.errors.OrderRefused`, with nothing changed, for one that it does not know or
+        that makes no sense now.
+        """
 
 
 def wheels(vrot: int, vtrans: int = VTRANS) -> tuple[int, int]:
