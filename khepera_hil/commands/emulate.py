@@ -16,6 +16,7 @@ from typing import Any
 
 from khepera_hil import chance
 from khepera_hil.commands.parser import Parser, baud, seed
+from khepera_hil.commands.scored import scored
 from khepera_hil.diary import Diary
 from khepera_hil.disturbed import Disturbed
 from khepera_hil.endpoints import LOOPBACK, pseudo_terminal, tcp_port
@@ -96,7 +97,7 @@ def main(arguments: Sequence[str]) -> int:
         ended = serve(endpoint, emulator, stop=stop, watch=watch)
     if emulator.faults.counts:
         print("faults: " + ", ".join(f"{kind} {n}" for kind, n in sorted(emulator.faults.counts.items())))
-    print("score: " + ", ".join(f"{name} {value}" for name, value in world.score().items()))
+    print(scored(world.score()))
     if diary is None:
         return 0
     diary.close(ended)

@@ -24,6 +24,7 @@ from khepera_hil.budget import plan
 from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands import COMMANDS
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
+from khepera_hil.commands.scored import scored
 from khepera_hil.commands.signals import heeded
 from khepera_hil.controllers import PROGRAMS
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
@@ -270,7 +271,7 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
     if ending["faults"]:
         print("faults: " + ", ".join(f"{kind} {number}" for kind, number in sorted(ending["faults"].items())))
     if ending["score"]:
-        print("score: " + ", ".join(f"{name} {value}" for name, value in ending["score"].items()))
+        print(scored(ending["score"]))
     print(f"recorded in {recording.folder}; to look at it: {_called('khepera-hil')} review {recording.folder}")
     if as_json:
         about = {name: recording.manifest[name] for name in ("program", "seed")}
