@@ -197,7 +197,7 @@ def main(fd: int, limit: float) -> None:
     for which in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP, signal.SIGPIPE):
         signal.signal(which, signal.SIG_IGN)
     # Above a service with --realtime, or one in an endless loop on a single core would keep us from running.
-    # We wake ten times a second for some microseconds. Where it is not allowed, the ordinary class must do.
+    # We wake for some microseconds at each beat. Where it is not allowed, the ordinary class must do.
     with contextlib.suppress(OSError, AttributeError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(60))
     with socket.socket(fileno=fd) as pipe:
