@@ -205,7 +205,7 @@ def once(how: str, chance: random.Random, options: list[str]) -> dict[str, Any]:
 
 
 def woken(witness: Witness, run: Run, stopped: float) -> tuple[list[str], int]:
-    """A service that wakes must end by itself, its wheels at rest; what is wrong, and how many orders it took back."""
+    """A service that wakes must end by itself, wheels at rest; what is wrong, and how many orders it took back."""
     os.kill(run.process.pid, signal.SIGCONT)
     if not witness.serve(lambda: run.process.poll() is not None, 30.0):
         return ["it did not end when it was woken"], 0

@@ -16,9 +16,9 @@ carries descriptors too. From the service come
 
 The guard says ``READY`` once. It acts when the wheels may be moving and the pipe ends without a goodbye, or brings
 nothing for ``limit`` seconds: it says ``TRIPPED`` and why, and shuts its end of the pipe, so that a service that
-wakes finds it gone from here on; throws away what has not left the host's buffer; sends a line end, which ends half
-a command, and ``D,0,0``, and once more after 20 ms; writes a line to ``guard.jsonl`` in the run's folder; and exits.
-As long as the service is well it never sends a byte.
+wakes finds it gone from here on; throws away what has not left the host's buffer; sends a line end, which ends
+half a command, and ``D,0,0``, and once more after 20 ms; writes a line to ``guard.jsonl`` in the run's folder; and
+exits. As long as the service is well it never sends a byte.
 """
 
 from __future__ import annotations
