@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import prod
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +71,8 @@ class Rows:
 
 def unanswered(answers: Array) -> NDArray[np.bool_]:
     """Which rows have no answer: they are nan throughout, so that their first number tells."""
-    return np.isnan(answers[(slice(None), *(0 for _ in answers.shape[1:]))])
+    first: Any = (slice(None), *(0 for _ in answers.shape[1:]))
+    return np.asarray(np.isnan(answers[first]))
 
 
 def _plain(start: Node, known: Axes) -> bool:
