@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 from numpy.typing import ArrayLike
 
 from brp.errors import DataError, QuestionError, SpecificationError
-from brp.factors import Factor
+from brp.factors import Factor, label
 from brp.forms import Form
 from brp.question import LARGEST, Question
 from brp.renewal import Plan
@@ -66,9 +66,11 @@ class Specification:
         free terms what they are, in place of the data: a table written by hand for a taught one.
         """
         given = dict(parameters or {})
-        for term in given:
+        for term, form in given.items():
             if term not in self.free:
                 raise SpecificationError(f"{term} of {self} has no free parameters that could be given")
+            if not isinstance(form, Form):
+                raise SpecificationError(f"{term} of {self} is given {form!r}, which is no form")
         needed = {v for term in self.free if term not in given for v in term.variables}
         read = Samples.of(samples, [v for v in self.variables if v in needed], weights)
         if (read.weights < 0).any():
@@ -184,6 +186,20 @@ class Description:
 
         All others sum to 1 over unknown variables.
         """
+        wanted = self._wanted(term)
+        return [self._factor(t) for t in self._forms if t in wanted]
+
+    def beside(self, term: Term) -> tuple[str, ...]:
+        """The names of all other terms than those of `relevant`."""
+        wanted, own = self._wanted(term), self.specification.name
+        free = self.specification.free
+        return tuple(
+            label(t.of, t.given, self.names if t in free else (own,) if own else ())
+            for t in self._forms
+            if t not in wanted
+        )
+
+    def _wanted(self, term: Term) -> dict[Term, None]:
         defining = {v: t for t in self._forms for v in t.of}
         wanted: dict[Term, None] = {}
         waiting = list(term.variables)
@@ -192,7 +208,7 @@ class Description:
             if here not in wanted:
                 wanted[here] = None
                 waiting.extend(here.given)
-        return [self._factor(t) for t in self._forms if t in wanted]
+        return wanted
 
     def _factor(self, term: Term) -> Factor:
         ready = self.specification._factors.get(term) or self._factors.get(term)

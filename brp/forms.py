@@ -183,6 +183,10 @@ class Switch(Form):
     """
 
     def __init__(self, variable: Variable, cases: Mapping[Any, Form]) -> None:
+        if not (isinstance(variable, Variable) and isinstance(cases, Mapping)):  # type: ignore[redundant-expr]  # slips
+            raise SpecificationError(
+                f"a Switch wants a command variable and a mapping from its values, not {variable!r}, {cases!r}"
+            )
         self.variable = variable
         self.cases = dict(cases)
         self._forms: dict[int, Form] = {}
@@ -285,6 +289,10 @@ def _fill(p: NDArray[np.float64], column: Any, term: Term) -> None:
         return
     for key, probability in column.items():
         parts = (key,) if len(term.of) == 1 else key
+        if not isinstance(parts, tuple) or len(parts) != len(term.of):
+            raise SpecificationError(
+                f"the table of {term} has the key {key!r}; it wants one value for each searched"
+            )
         p[tuple(v.place(part) for v, part in zip(term.of, parts, strict=True))] = _numbers(probability, term)
 
 

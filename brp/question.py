@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -73,12 +74,15 @@ class Question(Form):
         self.signature = Signature(self.name, self.known, soft)
         factors = tuple(description.relevant(term))
         kept = None if like is None else renewed(like, factors)
-        self.simplified: Simplified = kept or simplify(factors, self.searched, self.known, self.name, soft)
+        if kept is None:
+            made = simplify(factors, self.searched, self.known, self.name, soft)
+            kept = replace(made, beside=description.beside(term))
+        self.simplified: Simplified = kept
         self.plan = Plan(self.simplified, factors)
         if self.simplified.largest * 8 > largest:
             raise TooLarge(
-                f"{self.name} needs an array of {self.simplified.largest * 8 / 1e6:.0f} MB, more than the "
-                f"{largest / 1e6:.0f} MB allowed, and {self.simplified.operations:.2g} multiplications; know or "
+                f"{self.name} needs an array of {_bytes(self.simplified.largest * 8)}, more than the "
+                f"{_bytes(largest)} allowed, and {self.simplified.operations:.2g} multiplications; know or "
                 "search fewer variables together, or raise largest="
             )
         self.start: Node = self.simplified.start
@@ -210,16 +214,20 @@ class Question(Form):
         everything before it has no answer, and only for that combination of known values; where none has one,
         `ImpossibleEvidence` is raised, as it is without a rule.
         """
-        dropped = (without,) if isinstance(without, Variable) else tuple(without)
+        dropped = (without,) if isinstance(without, Variable | str) else tuple(without)
         foreign = [v for v in dropped if v not in self.known]
         if foreign:
-            raise QuestionError(f"{self.name} does not know {text(foreign)}, and cannot be asked without it")
+            raise QuestionError(
+                f"{self.name} does not know the variable {text(map(repr, foreign))}, and cannot be asked without it"
+            )
         if (rule is None) == (not dropped):
             raise QuestionError(
                 f"where {self.name} is impossible wants one rule: a form, or without= and a variable"
             )
         if self.soft:
             raise QuestionError(f"{self.name} knows {text(self.soft)} only softly, and has no rows to fill")
+        if rule is not None and not isinstance(rule, Form):
+            raise QuestionError(f"where {self.name} is impossible wants a form, and not {rule!r}")
         if rule is None:
             given = tuple(v for v in self.known if v not in dropped)
             rule = self.description.ask(Term(self.searched, given), largest=self.largest)
@@ -317,3 +325,7 @@ class Question(Form):
 
     def __repr__(self) -> str:
         return f"<Question {self.name}>"
+
+
+def _bytes(count: int) -> str:
+    return f"{count / 1e6:.0f} MB" if count >= 1_000_000 else f"{count} bytes"

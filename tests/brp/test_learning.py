@@ -182,6 +182,39 @@ def test_what_came_before_is_let_go() -> None:
     assert [reference() for reference in before] == [None] * 5
 
 
+def test_what_is_kept_of_the_data_does_not_grow_with_them() -> None:
+    """Constant time and memory: the numbers that a description holds are as many after 300 data as after 3."""
+    specification = Specification({P(Class): Laplace(), P(Nlt | Class): Histogram(), P(Per | Class): Gaussian()})
+    learnt = specification.identify({"O": [1], "Nlt": [1], "Per": [30]})
+    held = []
+    for count in range(300):
+        learnt = learnt.learn({"O": count % 4, "Nlt": count % 5, "Per": count % 40})
+        if count in (2, 299):
+            held.append(numbers(learnt))
+    assert held[0] == held[1] > 0
+
+
+def numbers(description: Description) -> int:
+    """How many numbers the forms of a description hold, in arrays or otherwise."""
+    total, waiting, met = 0, [vars(description[term]) for term in description.specification.terms], set()
+    while waiting:
+        here: Any = waiting.pop()
+        if id(here) in met or isinstance(here, type | str | Variable):
+            continue
+        met.add(id(here))
+        if isinstance(here, np.ndarray):
+            total += here.size
+        elif isinstance(here, int | float):
+            total += 1
+        elif isinstance(here, dict):
+            waiting.extend(here.values())
+        elif isinstance(here, list | tuple | set):
+            waiting.extend(here)
+        elif hasattr(here, "__dict__"):
+            waiting.append(vars(here))
+    return total
+
+
 def test_a_free_form_may_begin_without_data() -> None:
     specification = Specification({P(Class): Uniform(), P(Per | Class): Gaussian()})
     learnt = specification.identify().learn({"O": 1, "Per": 30}).learn({"O": 1, "Per": 32})

@@ -93,7 +93,7 @@ def test_a_question_over_a_large_domain_is_answered_as_a_tree() -> None:
     made = tree(description, P(Per), error=0.01, first=500)
     assert made.error <= 0.01
     assert variation(made.distribution().p, exact.p) <= made.error
-    known = tree(description, P(Per | Class), {Class: 9}, error=0.01)
+    known = tree(description, P(Per | Class), {"O": 9}, error=0.01)
     assert variation(known.distribution().p, description.ask(P(Per | Class))(O=9).p) <= known.error
     assert len(known.masses) < 2000
     assert known.error <= 0.01
@@ -101,7 +101,7 @@ def test_a_question_over_a_large_domain_is_answered_as_a_tree() -> None:
 
 def test_draws_of_a_tree_follow_it_and_take_one_uniform_number() -> None:
     """Chi square of 20 000 draws over 20 stretches; chance passes 43.8 once in 1000 (19 degrees of freedom)."""
-    made = tree(objects(), P(Per | Class), {Class: 4}, error=0.05)
+    made = tree(objects(), P(Per | Class), {"O": 4}, error=0.05)
     random, counting = np.random.default_rng(8), np.random.default_rng(8)
     drawn = np.array([made.draw(random) for _ in range(20_000)])
     counting.random(20_000)

@@ -18,9 +18,12 @@ from brp import (
     Gaussian,
     Histogram,
     Laplace,
+    Nearest,
     NotAValue,
     P,
+    Prior,
     QuestionError,
+    Sampling,
     Sigmoid,
     Specification,
     SpecificationError,
@@ -31,6 +34,7 @@ from brp import (
     TooLarge,
     Uniform,
     Variable,
+    tree,
 )
 
 A, B, Prox = Variable("A", range(3)), Variable("B", range(2)), Variable("Prox", range(16))
@@ -89,6 +93,39 @@ TRUTH: Any = A == 1
         (lambda: asked(B=1).draw(THREE), QuestionError, "a numpy.random.Generator"),
         (lambda: BOTH[1], QuestionError, "one value for each"),
         (lambda: BOTH["ab"], QuestionError, "one value for each"),
+        (lambda: Gaussian(unvisited=MISSPELT), SpecificationError, "not 'A'"),
+        (lambda: Histogram(unvisited=MISSPELT), SpecificationError, "not 'A'"),
+        (lambda: Prior(0, -1), SpecificationError, "a deviation above 0"),
+        (lambda: Prior(0, 1, -1), SpecificationError, "a strength of 0 or more"),
+        (
+            lambda: (
+                Specification({P(Prox): Uniform(), P(A | Prox): Gaussian(unvisited=Nearest({"Pox": 2}))})
+                .identify({"A": [1], "Prox": [1]})
+                .ask(P(A | Prox))
+            ),
+            SpecificationError,
+            "scales Pox, which it is not given; it has Prox",
+        ),
+        (lambda: Specification({P(A): Gaussian(MISSPELT, 1)}), SpecificationError, "'A', which is no number"),
+        (
+            lambda: Specification({**EVEN, P(A | B): Gaussian(lambda B: NOTHING, 1)}),
+            SpecificationError,
+            "None, which",
+        ),
+        (lambda: Switch(MISSPELT, {}), SpecificationError, "a command variable and a mapping"),
+        (lambda: Switch(B, LISTED), SpecificationError, "a command variable and a mapping"),
+        (lambda: Specification({P(A, B): Table({1: 0.5})}), SpecificationError, "one value for each searched"),
+        (
+            lambda: Specification({P(A): Laplace()}).identify(parameters={P(A): THREE}),
+            SpecificationError,
+            "given 3, which is no form",
+        ),
+        (lambda: asked.where_impossible(THREE), QuestionError, "a form, and not 3"),
+        (lambda: asked.where_impossible(without=MISSPELT), QuestionError, "the variable 'A'"),
+        (lambda: asked.description.ask(P(A | B), largest=16), TooLarge, "24 bytes, more than the 16 bytes"),
+        (lambda: tree(asked.description, NO_TERM), QuestionError, "wants a term"),
+        (lambda: tree(asked.description, P(A | B), {"A": 1}), EvidenceError, "must be told B, and not A"),
+        (lambda: Sampling(asked.description, NO_TERM), QuestionError, "wants a term"),
         (lambda: Filter(asked.description, NO_TERM), QuestionError, "a mapping from what is now"),
         (lambda: asked.description.ask(NO_TERM), QuestionError, "wants a term"),
         (lambda: asked.batch({"B": "abc"}), EvidenceError, "a column of values"),
