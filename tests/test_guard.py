@@ -89,7 +89,8 @@ def test_it_stops_the_wheels_of_a_service_that_hangs(process: Process, line: Lin
     assert line.heard(len(BOTH)) == BOTH
     assert time.monotonic() - began >= LIMIT  # never before
     with pytest.raises(GuardLost, match="gave no sign"):
-        process.moving()
+        process.check()
+    process.check()  # it was said
     with pytest.raises(GuardLost):  # and it stays so
         process.moving()
     process.beat()
@@ -230,7 +231,7 @@ def test_a_guard_that_takes_no_beats_is_as_good_as_gone(process: Process, line: 
     said = ""
     while not said:
         try:
-            process.moving()
+            process._send(guard.MOVING)
         except GuardLost as error:
             said = str(error)
     assert "takes no beats" in said
@@ -285,8 +286,10 @@ process.record_in(Path(sys.argv[2]))
 process.watch(fd)
 try:
     while True:
+        process.beat()
         process.moving()
         os.write(fd, b"D,5,5\\n")
+        process.check()
         time.sleep(0.1)
 except GuardLost as error:
     print(error)

@@ -43,6 +43,11 @@ class Watching:
             raise GuardLost("the guard is gone")
         self.said.append("moving")
 
+    def check(self) -> None:
+        if self.gone:
+            self.gone = False
+            raise GuardLost("the guard is gone")
+
     def resting(self) -> None:
         self.said.append("resting")
 
@@ -320,6 +325,27 @@ def test_a_guard_that_is_gone_stops_the_wheels_and_ends_the_run(tmp_path: Path) 
     assert bench.service.rested
     assert bench.ticks()[-1]["events"][-1][0] == "error"
     assert bench.service.ended == "error"
+
+
+def test_an_order_that_went_out_although_the_guard_had_acted_is_taken_back_at_once(tmp_path: Path) -> None:
+    """A process that is held up may wake between its look at the guard and its order."""
+    bench, guard = guarded(tmp_path)
+    bench.service.connect()
+    end = bench.robot.clock.now() + 1.0
+    looked = guard.moving
+
+    def moving() -> None:
+        looked()
+        guard.gone |= bench.robot.clock.now() > end  # and now it is stopped for a while
+
+    guard.moving = moving  # type: ignore[method-assign]
+    with pytest.raises(GuardLost):
+        bench.service.run(bench.recording, duration=60.0)
+    orders = [(moment, order) for moment, order in bench.robot.speeds if moment > end]
+    assert orders[0][1] != STOP
+    assert orders[1][1] == STOP
+    assert orders[1][0] - orders[0][0] < 0.001, "not a tick later, and without waiting for an answer"
+    assert {order for _, order in orders[1:]} == {STOP}
 
 
 def test_a_guard_lets_go_of_a_lost_line_and_watches_the_next(tmp_path: Path) -> None:

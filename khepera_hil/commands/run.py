@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import secrets
+import shutil
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
@@ -21,7 +22,9 @@ import serial
 from khepera_hil import chance
 from khepera_hil.budget import plan
 from khepera_hil.clock import Clock, WallClock
+from khepera_hil.commands import COMMANDS
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
+from khepera_hil.commands.scored import scored
 from khepera_hil.commands.signals import heeded
 from khepera_hil.controllers import PROGRAMS
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
@@ -41,7 +44,7 @@ from khepera_hil.systemd import Manager
 from khepera_hil.terminal import Terminal
 from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
 from khepera_hil.viewer.live import Address, address, open_live
-from khepera_hil.viewer.program import has_screen, program
+from khepera_hil.viewer.program import has_screen
 from khepera_hil.world import arenas, load_scenario, scenarios
 
 __all__ = ["main"]
@@ -49,15 +52,11 @@ __all__ = ["main"]
 DEFAULT_WORLD = "furnished"
 LOCAL = "127.0.0.1"
 _TERMINAL = "the terminal"
-EPILOG = """\
-commands:
-  khepera-hil check         a robot, its line and this computer, before anything moves
-  khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program
-  khepera-hil order         an order to a run that is going on: stop, resume, vigil on ...
-  khepera-hil runs          list recorded runs
-  khepera-hil review RUN    open one in the viewer, or make a picture of it
-  khepera-hil replay RUN    ask its questions again, or ask another program on the same readings
-  khepera-hil compare RUN RUN, explain RUN, export RUN      (each has its --help)
+_COMMANDS = "\n".join(f"  khepera-hil {name:9} {does}" for name, does in COMMANDS.items() if name != "run")
+
+EPILOG = f"""\
+commands (each has its --help):
+{_COMMANDS}
 
 examples:
   khepera-hil --program home --duration 60                    on the emulated robot
@@ -121,9 +120,9 @@ def _live(asked: argparse.Namespace) -> Address | None:
     """Where viewers of the running loop are served, if they are."""
     if asked.view and not has_screen():
         raise UsageError("there is no screen here to open the viewer on; --serve shows the run in a browser")
-    if not (asked.view or asked.serve):
+    if not asked.view and asked.serve is None:
         return None
-    return address(asked.serve or LOCAL)
+    return address(LOCAL if asked.serve is None else asked.serve)
 
 
 def _guard(port: Port, asked: argparse.Namespace) -> Guarding:
@@ -195,10 +194,11 @@ def _run(
         recording.follow(viewer)
         viewer.wait_until_open()
         if live is not None:
-            looking = partial(open_live, recording.manifest, live, page=bool(asked.serve), window=asked.view)
-            recording.follow(Follower(looking, name="the live view", waits=False))
-            if asked.serve:
-                print(f"look on at {live.page} or by: {_rerun()} {live.stream}")
+            page = asked.serve is not None
+            looking = partial(open_live, recording.manifest, live, page=page, window=asked.view)
+            recording.follow(Follower(looking, name="the live view", waits=clock.simulated))
+            if page:
+                print(f"look on at {live.page} or by: {_called('rerun')} {live.stream}")
         if sys.stdout is not None:  # nobody looks where it was closed
             sys.stdout.flush()
             recording.follow(Follower(Terminal(sys.stdout, asked.program), name=_TERMINAL, waits=False))
@@ -271,8 +271,8 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
     if ending["faults"]:
         print("faults: " + ", ".join(f"{kind} {number}" for kind, number in sorted(ending["faults"].items())))
     if ending["score"]:
-        print("score: " + ", ".join(f"{name} {value}" for name, value in ending["score"].items()))
-    print(f"recorded in {recording.folder}; to look at it: khepera-hil review {recording.folder}")
+        print(scored(ending["score"]))
+    print(f"recorded in {recording.folder}; to look at it: {_called('khepera-hil')} review {recording.folder}")
     if as_json:
         about = {name: recording.manifest[name] for name in ("program", "seed")}
         print(json.dumps({"run": str(recording.folder), **about, **ending}))
@@ -283,10 +283,12 @@ def _remark(sentence: str) -> None:
     print(f"khepera-hil: {sentence}", file=sys.stderr)
 
 
-def _rerun() -> str:
-    """How the viewer is called here: it is installed beside the interpreter, which may not be on the PATH."""
-    path = Path(program())
-    return os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path)
+def _called(name: str) -> str:
+    """How a program is called here: it is installed beside the interpreter, which may not be on the PATH."""
+    beside = Path(sys.executable).with_name(name)
+    if shutil.which(name) is None and beside.exists():
+        return os.path.relpath(beside) if beside.is_relative_to(Path.cwd()) else str(beside)
+    return name
 
 
 def _percentiles(seconds: Quantiles) -> dict[str, float | None]:

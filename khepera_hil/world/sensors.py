@@ -134,12 +134,9 @@ class Sensors:
             shares = _shares(lamp, places)
             target = lamp.x, lamp.y, lamp.height
             if shadows := scene.shadows(lamp.name, target, lamp.radius, poses[-1]):
-                starts = np.array(places)[:, :2]
-                way = np.array([lamp.x, lamp.y]) - starts
-                length = np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-9)
-                across = np.column_stack([-way[:, 1], way[:, 0]]) / length[:, None]
-                hidden = scene.shaded(shadows, target, lamp.radius, starts, across).tolist()
-                shares = [share * (1 - less) for share, less in zip(shares, hidden, strict=True)]
+                hidden = scene.shaded(shadows, target, np.array(_lines(lamp, places)).T)
+                shown = (1 - hidden.reshape(8, 3).sum(1) / 3).tolist()
+                shares = [share * less for share, less in zip(shares, shown, strict=True)]
             exposure = [
                 sum_ + share * strength for sum_, share, strength in zip(exposure, shares, strengths, strict=True)
             ]
@@ -181,3 +178,15 @@ def _shares(lamp: Lamp, places: Sequence[tuple[float, float, float, float]]) -> 
         lobe = (ahead / math.sqrt(squared)) ** _LOBE if ahead > 0 else 0.0
         shares.append((lobe + _LEAK) * 10_000 / squared)
     return shares
+
+
+def _lines(lamp: Lamp, places: Sequence[tuple[float, float, float, float]]) -> list[tuple[float, ...]]:
+    """Three lines of sight from each place to a lamp, to its two rims and its middle: start, way, its length."""
+    lines: list[tuple[float, ...]] = []
+    for x, y, _, _ in places:
+        to_x, to_y = lamp.x - x, lamp.y - y
+        share = lamp.radius / max(math.hypot(to_x, to_y), 1e-9)
+        for side in (-share, 0.0, share):
+            way_x, way_y = to_x - side * to_y, to_y + side * to_x
+            lines.append((x, y, way_x, way_y, max(math.hypot(way_x, way_y), 1e-9)))
+    return lines
