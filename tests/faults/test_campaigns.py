@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
+
 import pytest
 
 from benchmarks.faults import byte_faults, clean, recovery, structural
 from benchmarks.wall import campaign
+from tests.runs.cli import ROOT
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -48,3 +53,14 @@ def test_after_one_fault_there_are_valid_data_again_within_two_ticks() -> None:
 def test_on_a_clean_line_hardly_a_tick_is_refused() -> None:
     for found in clean(400, seed=7).values():
         assert found["refused_share"] < 0.01
+
+
+def test_a_run_on_a_bad_line_loses_no_tick() -> None:
+    command = (sys.executable, "-m", "benchmarks.soak", "--hours", "0.02", "--part", "0.01", "--json")
+    bad = ("--faults", "lines=0.01,bytes=1e-3,disconnect@10+2")
+    done = subprocess.run([*command, *bad], capture_output=True, text=True, check=False, cwd=ROOT)
+    found = json.loads(done.stdout)
+    assert found["ticks"] == 720
+    assert (found["failed_parts"], found["gaps"]) == (0, 0)
+    assert found["without_data"] > 40
+    assert found["faults"] > 20
