@@ -2,9 +2,11 @@
 
 from types import MappingProxyType
 
-from khepera_hil.commands import emulate, run
+from khepera_hil.commands import emulate, identify, run, teach
 from khepera_hil.commands.parser import Command
 
 __all__ = ["COMMANDS"]
 
-COMMANDS: MappingProxyType[str, Command] = MappingProxyType({"run": run, "emulate": emulate})
+COMMANDS: MappingProxyType[str, Command] = MappingProxyType(
+    {"run": run, "emulate": emulate, "teach": teach, "identify": identify}
+)

@@ -9,7 +9,7 @@ import secrets
 import shutil
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from datetime import datetime
 from functools import partial
@@ -23,20 +23,21 @@ import serial
 from khepera_hil import chance
 from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
-from khepera_hil.controllers import PROGRAMS
+from khepera_hil.commands.setting import add_setting, setting_of
+from khepera_hil.controllers import PROGRAMS, Controller
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
 from khepera_hil.follower import Follower
 from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link, check_budget
 from khepera_hil.opening import open_port
 from khepera_hil.quantiles import Quantiles
-from khepera_hil.recording import Recording, Tick
+from khepera_hil.recording import Listener, Recording, Tick
 from khepera_hil.service import Service
 from khepera_hil.terminal import Terminal
 from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
 from khepera_hil.world import arenas
 
-__all__ = ["main"]
+__all__ = ["main", "port_url", "run_on_robot"]
 
 DEFAULT_WORLD = "furnished"
 _TERMINAL = "the terminal"
@@ -45,6 +46,10 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal
 EPILOG = """\
 commands:
   khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program (see its --help)
+  khepera-hil teach ...     drive by joystick, keyboard or script, and keep what was done as a data set
+  khepera-hil identify ...  what a program learns from data sets
+  khepera-hil calibrate ... the light sensors, by turning before a lamp
+  khepera-hil paper ...     the paper's experiments, sections 5 to 8
 
 examples:
   khepera-hil --program home --duration 60                    on the emulated robot
@@ -65,10 +70,30 @@ def main(arguments: Sequence[str]) -> int:
     existing_name("program", asked.program, list(PROGRAMS))
     chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
     url = port_url(asked.port, asked.world, fast=asked.fast, seed=chosen_seed)
+    setting = setting_of(asked)
+    about = {"setting": {"unknown": list(setting.unknown), "data": asked.data}}
+    run_on_robot(asked, chosen_seed, url, PROGRAMS[asked.program].make(setting), about)
+    return 0
+
+
+def run_on_robot(
+    asked: argparse.Namespace,
+    chosen_seed: int,
+    url: str,
+    controller: Controller,
+    about: dict[str, Any],
+    *,
+    on_open: Callable[[Any, Service], Listener | None] = lambda witness, service: None,
+    note: Callable[[], str] = lambda: "",
+) -> None:
+    """A controller on the robot behind ``url``, recorded and told; ``about`` goes into the manifest.
+
+    ``on_open`` is told who sees the robot from outside (or None) and the service, before the first tick; what it
+    returns hears of every tick. ``note`` is shown in the terminal's line.
+    """
     # From here on pyserial knows emulator:// (a module protocol_emulator in our package of handlers).
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
-    controller = PROGRAMS[asked.program][1]()
     check_budget([*controller.needs, "D"], asked.baud, asked.period)
     with closing(open_port(url, asked.baud)) as port:
         clock: Clock = getattr(port, "clock", None) or WallClock()
@@ -81,12 +106,22 @@ def main(arguments: Sequence[str]) -> int:
             rng=chance.generator(chosen_seed, "program"),
             witness=witness,
         )
+        listener = on_open(witness, service)
         with _signals(service):
-            _run(asked, chosen_seed, url, service, clock, witness)
-    return 0
+            _run(asked, chosen_seed, url, service, clock, witness, about, listener, note)
 
 
-def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock: Clock, witness: Any) -> None:
+def _run(
+    asked: argparse.Namespace,
+    seed: int,
+    url: str,
+    service: Service,
+    clock: Clock,
+    witness: Any,
+    about: dict[str, Any],
+    listener: Listener | None,
+    note: Callable[[], str],
+) -> None:
     versions = service.connect()
     manifest: dict[str, Any] = {
         "port": asked.port,
@@ -95,6 +130,7 @@ def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock
         "clock": "simulated" if clock.simulated else "wall",
         "robot": {"bios": versions[0], "protocol": versions[1]},
         **service.program(),
+        **about,
         "world": None
         if witness is None
         else {"name": _world_of(url), "size": witness.size(), "shapes": witness.shapes()},
@@ -108,10 +144,12 @@ def _run(asked: argparse.Namespace, seed: int, url: str, service: Service, clock
         opening = partial(open_file, recording.folder / FILE, recording.manifest, rows=rows)
         viewer: Follower[Tick] = Follower(opening, name=FILE, waits=clock.simulated)
         recording.follow(viewer)
+        if listener is not None:
+            recording.follow(listener)
         viewer.wait_until_open()
         if sys.stdout is not None:  # nobody looks where it was closed
             sys.stdout.flush()
-            recording.follow(Follower(Terminal(sys.stdout, asked.program), name=_TERMINAL, waits=False))
+            recording.follow(Follower(Terminal(sys.stdout, asked.program, note=note), name=_TERMINAL, waits=False))
         service.run(recording, duration=asked.duration)
     except BaseException:
         _finish(recording, service, witness, as_json=asked.json)
@@ -220,8 +258,8 @@ def _signals(service: Service) -> Iterator[None]:
 
 def _list() -> None:
     print("programs (--program):")
-    for name, (does, _) in PROGRAMS.items():
-        print(f"  {name:12} {does}")
+    for name, program in PROGRAMS.items():
+        print(f"  {name:12} {program.about}")
     print("arenas of the emulator (--world):")
     for name, looks in arenas().items():
         print(f"  {name:12} {looks}")
@@ -234,6 +272,7 @@ def _parser() -> Parser:
     add = parser.add_argument
     add("--port", default="emulator", help="a device, a URL of pyserial's, or emulator (default: %(default)s)")
     add("--program", default="home", metavar="NAME", help="what to run, see --list (default: %(default)s)")
+    add_setting(parser)
     add("--baud", type=baud, default=38400, help="the rate of the robot's mode (default: %(default)s)")
     add(
         "--period",

@@ -1,18 +1,34 @@
 """The paper's programs on a robot, by the name that the command line knows them by."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 
-from khepera_hil.controllers import avoid, home, phototaxy
-from khepera_hil.controllers.base import Controller, Decision
+from brp.programs.obstacle import obstacle
+from brp.programs.phototaxy import pi_phototaxy1
+from khepera_hil.controllers import avoid, follow, home, phototaxy, push
+from khepera_hil.controllers.base import Controller, Decision, Program, Setting
 
-__all__ = ["PROGRAMS", "Controller", "Decision"]
+__all__ = ["PROGRAMS", "Controller", "Decision", "Program", "Setting"]
 
-PROGRAMS: Mapping[str, tuple[str, Callable[[], Controller]]] = MappingProxyType(
+_OBSTACLE = ("Prox", "Dir")
+
+PROGRAMS: Mapping[str, Program] = MappingProxyType(
     {
-        "avoid": ("wander and avoid obstacles (section 5)", avoid.controller),
-        "phototaxy": ("drive towards the light, blind to obstacles (section 5.5)", phototaxy.controller),
-        "home": ("go back to the lit base, avoiding obstacles (section 7)", home.controller),
+        "push": Program("push what is in front (section 5)", push.controller, _OBSTACLE, obstacle),
+        "avoid": Program("wander and avoid obstacles (section 5)", avoid.controller, _OBSTACLE, obstacle),
+        "follow": Program(
+            "follow a contour with the object at the right (section 5)", follow.right, _OBSTACLE, obstacle
+        ),
+        "follow-left": Program("the same with the object at the left", follow.left, _OBSTACLE, obstacle),
+        "phototaxy": Program(
+            "drive towards the light, blind to obstacles (section 5.5)",
+            phototaxy.controller,
+            ("Theta1",),
+            pi_phototaxy1,
+        ),
+        "home": Program(
+            "go back to the lit base, avoiding obstacles (section 7)", home.controller, ("Dir", "Prox", "Theta1")
+        ),
     }
 )
-"""What each does, in a line, and how it is made."""
+"""In the order of the paper."""
