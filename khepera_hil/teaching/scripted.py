@@ -24,8 +24,8 @@ LATE = 1
 SHAKE = {"push": 3.5}
 STEADY = 0.7
 """Standard deviation of the hand's wandering about where it is meant to be, in units of Vrot; it comes and goes
-within some ticks. Who pushes is allowed more than others (`SHAKE`): a hand that never lets the object slip to a side
-never shows what to do then, and what is taught so pushes worse."""
+within some ticks. Who pushes is allowed more than others (`SHAKE`): a hand that never lets the object slip to a
+side never shows what to do then, and what is taught so pushes worse."""
 
 _KEEPS = 0.6  # share of the hand's error that is still there a tick later
 _SWIFT = 12.0  # units of Vrot that the hand moves in a tick at most

@@ -74,8 +74,8 @@ def test_a_push_that_was_taught_pushes_and_does_without_prox(tmp_path: Path) -> 
     arena = pushing(tmp_path)
     lesson(tmp_path, "--world", arena, "--duration", "25", behavior="push")
     for unknown in ([], ["--unknown", "Prox"]):
-        words = ["--program", "push", "--data", "one.json", "--world", arena, "--seed", "7", *unknown]
-        done = khepera_hil(*words, "--fast", "--duration", "25", "--json", cwd=tmp_path)
+        words = ["--program", "push", "--data", "one.json", "--seed", "7", *unknown]
+        done = khepera_hil(*words, "--world", arena, "--fast", "--duration", "25", "--json", cwd=tmp_path)
         assert done.code == 0, done.err
         folder = tmp_path / done.result["run"]
         question = json.loads((folder / "manifest.json").read_text())["questions"][0]["name"]
