@@ -7,7 +7,9 @@
     |-- RobotError                 4  the port is there, but no Khepera that we understand is behind it
     |   |-- NoAnswer               4  nothing came before the deadline
     |   |-- BadAnswer              4  something came that is no answer to what was asked
-    |   `-- Refused                4  the robot said that it did not understand the command
+    |   |-- Refused                4  the robot said that it did not understand the command
+    |   |-- RobotReset             4  the robot was reset in mid-session: it forgot its speeds
+    |   `-- Implausible            4  what was read twice does not agree, or cannot be after what was read before
     |-- WireTooSlow                5  what a tick needs does not fit into the period at this baud rate
     |-- WorldError                 2  an arena that cannot be read or furnished
     |-- RecordingError             6  the run's folder cannot be written
@@ -21,6 +23,7 @@ from __future__ import annotations
 
 __all__ = [
     "BadAnswer",
+    "Implausible",
     "KheperaHilError",
     "LinkLost",
     "NoAnswer",
@@ -29,6 +32,7 @@ __all__ = [
     "RecordingError",
     "Refused",
     "RobotError",
+    "RobotReset",
     "UsageError",
     "WireTooSlow",
     "WorldError",
@@ -73,6 +77,17 @@ class BadAnswer(RobotError):
 
 class Refused(RobotError):
     """The robot said that it did not understand: the command was mangled on its way, or is not in its ROM."""
+
+
+class RobotReset(RobotError):
+    """The robot printed its boot text in mid-session: its wheels stand still, and it forgot what it was told.
+
+    Said at each request until there was a new handshake. Only the user knows whether it may drive on.
+    """
+
+
+class Implausible(RobotError):
+    """Readings that no robot could give that was read just before, or that do not agree with themselves."""
 
 
 class WireTooSlow(KheperaHilError):

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 
-from khepera_hil.errors import BadAnswer, NoAnswer, ProtocolError, RobotError
+from khepera_hil.errors import BadAnswer, NoAnswer, ProtocolError, RobotError, RobotReset
 from khepera_hil.link import Link
+from khepera_hil.plausible import Motion
 from khepera_hil.protocol import MAX_SPEED
 
 __all__ = ["Khepera"]
@@ -30,6 +31,8 @@ class Khepera:
 
     def __init__(self, link: Link) -> None:
         self.link = link
+        self.motion = Motion()
+        """What the wheels were told."""
 
     def handshake(self) -> tuple[str, str]:
         """Find the robot on a line that was just opened, whatever is still in it; as :meth:`version`.
@@ -40,7 +43,7 @@ class Khepera:
         failure: RobotError | None = None
         for _ in range(_TRIES):
             try:
-                self.link.resynchronise()
+                self.link.begin()
                 return self.version()
             except RobotError as error:
                 if failure is None or not isinstance(error, NoAnswer):
@@ -73,6 +76,7 @@ class Khepera:
         not finite.
         """
         speeds = _speed(left), _speed(right)
+        self.motion.told(*speeds, self.link.clock.now())
         self.link.ask("D", *speeds)
         return speeds
 
@@ -89,7 +93,7 @@ class Khepera:
                 pass
             else:
                 return True
-        self.link.send_unanswered("D", 0, 0)
+        self._stop_blindly()
         return False
 
     def stop(self) -> bool:
@@ -99,19 +103,27 @@ class Khepera:
         half a second. Raises LinkLost only.
         """
         give_up = self.link.clock.now() + STOPPING
+        reset = False
         for _ in range(_TRIES):
             if not self.link.synchronised:
                 # Resynchronising takes its time; the wheels should not turn that long.
-                self.link.send_unanswered("D", 0, 0)
+                self._stop_blindly()
             try:
+                if reset:
+                    self.link.begin()
                 self.set_speed(0, 0)
-            except RobotError:
+            except RobotError as error:
+                reset = isinstance(error, RobotReset)  # it stands still, but shall confirm it
                 if self.link.clock.now() >= give_up:
                     break
             else:
                 return True
-        self.link.send_unanswered("D", 0, 0)
+        self._stop_blindly()
         return False
+
+    def _stop_blindly(self) -> None:
+        self.motion.told(0, 0, self.link.clock.now())
+        self.link.send_unanswered("D", 0, 0)
 
     def speeds(self) -> tuple[int, int]:
         """The wheels' measured speeds, pulse/10 ms. Command E."""

@@ -1,4 +1,4 @@
-"""Ask and wait over one port: deadlines, resynchronisation, and the wire's budget.
+"""Ask and wait over one port: deadlines, resynchronisation, and a robot that was reset in between.
 
 One request is in flight at a time, under one absolute deadline. An answer counts only when it came whole, with
 the right letter, count and ranges, and with nothing left over. After anything else the line is not trusted:
@@ -10,8 +10,7 @@ Time is the clock's alone. With a simulated clock the port's ``read`` moves it.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from khepera_hil.clock import Clock
@@ -22,19 +21,12 @@ from khepera_hil.errors import (
     ProtocolError,
     Refused,
     RobotError,
-    WireTooSlow,
+    RobotReset,
 )
 from khepera_hil.opening import PORT_ERRORS, Port, close_port
-from khepera_hil.protocol import (
-    BAUD_RATES,
-    COMMANDS,
-    encode_request,
-    is_refusal,
-    parse_answer,
-    wire_seconds,
-)
+from khepera_hil.protocol import COMMANDS, encode_request, is_refusal, parse_answer, wire_seconds
 
-__all__ = ["MARGIN", "Counters", "Link", "check_budget", "seconds_needed"]
+__all__ = ["MARGIN", "Counters", "Link"]
 
 MARGIN = 0.025
 """Seconds that an answer may take beyond its time on the wire. An FTDI adapter whose latency timer could not be
@@ -53,10 +45,10 @@ RESYNCHRONISATION = 0.3
 PROBES = ("B", "K", "E")
 """Requests that change nothing and that a tick does not use."""
 
-RESERVE = 0.1
-"""The part of a period that the wire must leave free for computing and for the host's lateness."""
+BOOT_MARKS = (b"ROM of minirobot", b"Serial Communication Protocol")
+"""What stands in the boot texts of both robots and in no answer: either is enough, since the other may be cut."""
 
-_KHEPERA_RATES = BAUD_RATES[:3]  # what the jumpers of the first Khepera can be set to
+_LONGEST_MARK = max(map(len, BOOT_MARKS))
 _HEARD = 4096  # characters kept of what is thrown away
 
 
@@ -74,6 +66,8 @@ class Counters:
     resynchronisations: int = 0
     """Including those that failed."""
     failed_resynchronisations: int = 0
+    boot_texts: int = 0
+    """Lines of a boot text that were heard, before the first session too."""
 
 
 class Link:
@@ -104,6 +98,9 @@ class Link:
         self._synchronised = False  # nothing is known of a line that was just opened
         self._lost: str | None = None  # why, once it is
         self._heard = bytearray()  # the last of what came since the last resynchronisation began
+        self._seam = b""  # the end of what came last: a boot text may come in pieces
+        self._in_session = False  # whether the robot has answered since the session began
+        self._reset = False  # and whether it was reset since
         self._asked = 0
         self._last_asked = dict.fromkeys(PROBES, 0)
 
@@ -120,12 +117,14 @@ class Link:
     def ask(self, letter: str, *values: int | str) -> tuple[int | str, ...]:
         """Send one request and return the values of its answer, as :func:`~khepera_hil.protocol.parse_answer`.
 
-        Raises NoAnswer, BadAnswer or Refused, after which the next request resynchronises first; LinkLost when
-        the port is gone; ProtocolError, with nothing sent, for values outside the protocol's ranges.
+        Raises NoAnswer, BadAnswer or Refused, after which the next request resynchronises first; RobotReset when
+        the robot's boot text was among what came, and with nothing sent from then on until :meth:`begin`; LinkLost
+        when the port is gone; ProtocolError, with nothing sent, for values outside the protocol's ranges.
         """
         request = encode_request(letter, *values)
         self.counters.requests += 1
         try:
+            self._raise_reset()
             self._trust_the_line(letter)
             self._synchronised = False  # until the answer is in, also when somebody interrupts us
             line, answer = self._exchange(request, letter, values)
@@ -134,7 +133,7 @@ class Link:
                 self.counters.no_answer += 1
             elif isinstance(error, BadAnswer):
                 self.counters.bad_answer += 1
-            else:
+            elif isinstance(error, Refused):
                 self.counters.refused += 1
             raise
         self._synchronised = True
@@ -152,8 +151,14 @@ class Link:
         self._write(request)
         self._report(request, b"")
 
+    def begin(self) -> None:
+        """Begin a session with whoever is there now: as :meth:`resynchronise`, but a boot text is nothing new."""
+        self._reset = self._in_session = False
+        self.resynchronise()
+
     def resynchronise(self) -> None:
         """Bring requests and answers in step again, or raise: NoAnswer on a silent line, BadAnswer on another.
+        RobotReset goes before both: who was reset must first be told to stand still, not be read.
 
         An empty line ends half a command that the robot may hold. What comes is thrown away until the line is
         quiet. Then a request is sent whose answer cannot be mistaken for an old one: of B, K and E the one
@@ -172,9 +177,12 @@ class Link:
                 self._exchange(encode_request(letter), letter, ())
                 late = self._read(SILENCE)
                 if not late:
-                    self._synchronised = True
+                    self._synchronised = self._in_session = True
                     return
                 self._report(b"", late)
+                self._raise_reset()
+            except RobotReset:
+                raise
             except RobotError:
                 if not self._heard:
                     break
@@ -199,6 +207,8 @@ class Link:
         if not self._synchronised:
             try:
                 self.resynchronise()
+            except RobotReset:
+                raise
             except RobotError as error:
                 raise NoAnswer(f"{letter} was not asked, because {error}") from error
 
@@ -206,14 +216,14 @@ class Link:
         """Send an empty line and throw away what comes; False when ``give_up`` comes before the quiet."""
         noise = bytearray()
         self._write(b"\n")
-        while self.clock.now() + QUIET <= give_up:
+        quiet = False
+        while not quiet and not self._reset and self.clock.now() + QUIET <= give_up:
             chunk = self._read(QUIET)
-            if not chunk:
-                self._report(b"\n", bytes(noise))
-                return True
+            quiet = not chunk
             noise += chunk[-_HEARD:]
         self._report(b"\n", bytes(noise))
-        return False
+        self._raise_reset()
+        return quiet
 
     def _exchange(
         self, request: bytes, letter: str, values: tuple[int | str, ...]
@@ -228,7 +238,7 @@ class Link:
         self._write(request)
         answer = bytearray()
         # A refusal may be longer than the longest answer. Past that and without an end it is no line of ours.
-        while b"\n" not in answer and len(answer) <= longest + 80:
+        while b"\n" not in answer and len(answer) <= longest + 80 and not self._reset:
             left = deadline - self.clock.now()
             # Past the deadline, what the host has kept for us since is still looked at, once.
             chunk = self._read(max(left, 0.0))
@@ -236,6 +246,7 @@ class Link:
             if not chunk or left <= 0:
                 break
         self._report(request, bytes(answer))
+        self._raise_reset()
         if not answer:
             raise NoAnswer(f"{self.name} did not answer {letter} within {allowed * 1000:.0f} ms")
         if b"\n" not in answer and len(answer) <= longest:
@@ -274,7 +285,22 @@ class Link:
             raise self._gone(error) from error
         self._heard += chunk
         del self._heard[:-_HEARD]
+        self._look_for_boot_text(chunk)
         return chunk
+
+    def _look_for_boot_text(self, chunk: bytes) -> None:
+        seen = self._seam + chunk
+        self._seam = seen[1 - _LONGEST_MARK :]
+        marks = sum(seen.count(mark) for mark in BOOT_MARKS)
+        if marks:
+            self._seam = b""
+            self.counters.boot_texts += 1
+            self._reset = self._reset or self._in_session
+
+    def _raise_reset(self) -> None:
+        if self._reset:
+            self._synchronised = False
+            raise RobotReset(f"the robot behind {self.name} was reset: its boot text came in mid-session")
 
     def _write(self, data: bytes) -> None:
         try:
@@ -299,37 +325,3 @@ class Link:
 def _same_turret(asked: tuple[int | str, ...], answered: tuple[int | str, ...]) -> bool:
     """Whether turret and letter of an answer are those of the request."""
     return asked[0] == answered[0] and str(asked[1])[:1].lower() == str(answered[1])[:1]
-
-
-def seconds_needed(requests: Iterable[str], baud: int) -> float:
-    """Seconds that these requests, given by their letters, and their answers are on the wire at the most.
-
-    The widest numbers of every field, one request after the other, 11 bit times a character. How long the robot
-    thinks before it answers is printed nowhere and is not in it; :func:`check_budget` keeps a reserve.
-    """
-    return sum(
-        wire_seconds(COMMANDS[letter].longest_request + COMMANDS[letter].longest_answer, baud)
-        for letter in requests
-    )
-
-
-def check_budget(requests: Iterable[str], baud: int, period: float) -> float:
-    """The seconds of :func:`seconds_needed`, if nine tenths of ``period`` seconds hold them.
-
-    Raises WireTooSlow with what is needed and with the baud rates or the period that would do.
-    """
-    letters = list(requests)
-    needed = seconds_needed(letters, baud)
-    if needed <= (1 - RESERVE) * period:
-        return needed
-    names = ", ".join(letters[:-1]) + " and " + letters[-1] if letters[1:] else letters[0]
-    instead = f"--period {math.ceil(needed / (1 - RESERVE) * 100) / 100:g}"
-    for rate in BAUD_RATES:
-        if rate > baud and seconds_needed(letters, rate) <= (1 - RESERVE) * period:
-            instead = f"{rate} baud{' (a Khepera II only)' if rate not in _KHEPERA_RATES else ''} or {instead}"
-            break
-    raise WireTooSlow(
-        f"{names} need{'' if letters[1:] else 's'} {needed * 1000:.0f} ms at {baud} baud, more than the "
-        f"{(1 - RESERVE) * period * 1000:.0f} ms that a period of {period * 1000:g} ms leaves for the wire: "
-        f"use {instead}"
-    )

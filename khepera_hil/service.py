@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from brp import BrpError, Distribution
+from khepera_hil.budget import plan
 from khepera_hil.clock import Clock
 from khepera_hil.controllers import Controller, Decision
 from khepera_hil.errors import KheperaHilError, LinkLost, NoAnswer, RobotError
@@ -16,6 +17,7 @@ from khepera_hil.khepera import Khepera
 from khepera_hil.lifecycle import Lifecycle
 from khepera_hil.perception import Readings
 from khepera_hil.quantiles import Quantiles
+from khepera_hil.reader import Reader
 from khepera_hil.recording import Answer, Pose, Recording, Tick
 from khepera_hil.scheduler import Beat, beats
 
@@ -42,8 +44,9 @@ class Witness(Protocol):
 class Service:
     """Runs one controller on one robot, and owns the wheels while it does.
 
-    ``rng`` is the program's own stream of chance. ``stopwatch`` (seconds) and ``wall`` (Unix time) fill the
-    columns of the log that are the host's own; nothing is decided by them.
+    ``rng`` is the program's own stream of chance. With ``verify`` the sensors are read twice (see
+    :class:`~khepera_hil.reader.Reader`). ``stopwatch`` (seconds) and ``wall`` (Unix time) fill the columns of the
+    log that are the host's own; nothing is decided by them. Raises WireTooSlow for what does not fit into a tick.
     """
 
     def __init__(
@@ -54,6 +57,7 @@ class Service:
         clock: Clock,
         period: float,
         rng: np.random.Generator,
+        verify: bool = False,
         witness: Witness | None = None,
         stopwatch: Callable[[], float] = time.perf_counter,
         wall: Callable[[], float] = time.time,
@@ -84,6 +88,11 @@ class Service:
             )
             for key, question in controller.questions.items()
         }
+        self._reader = Reader(
+            khepera,
+            plan(controller.name, controller.needs, baud=khepera.link.baud, period=period, verify=verify),
+            verify,
+        )
         khepera.link.on_exchange = self._heard
 
     def connect(self) -> tuple[str, str]:
@@ -180,7 +189,7 @@ class Service:
 
     def _tick(self, tick: Tick) -> None:
         try:
-            readings = self._read()
+            readings = self._read(tick)
             decision = self._controller.step(readings, self._rng)
         except RobotError as error:
             self._silent_in_a_row += 1
@@ -195,16 +204,11 @@ class Service:
             # A robot that can be read but never confirms its speeds is as little under control as a silent one.
             self._silent_in_a_row = 0 if tick.command is not None else self._silent_in_a_row + 1
 
-    def _read(self) -> Readings:
-        readings: dict[str, tuple[int, ...]] = {}
-        for letter in self._controller.needs:
-            if letter == "N":
-                readings["proximity"] = self._khepera.proximity()
-            elif letter == "O":
-                readings["light"] = self._khepera.light()
-            else:
-                raise NotImplementedError(f"no program may need {letter} yet")
-        return Readings(**readings)
+    def _read(self, tick: Tick) -> Readings:
+        try:
+            return self._reader.read(tick.tick)
+        finally:
+            tick.events += [("info", remark) for remark in self._reader.remarks]
 
     def _act(self, tick: Tick, decision: Decision) -> None:
         tick.evidence, tick.clipped = dict(decision.evidence), dict(decision.clipped)
@@ -235,8 +239,11 @@ class Service:
     def _heard(self, request: bytes, answer: bytes) -> None:
         # What came although nobody had asked stands under "?"; it is only ever there when the line was in trouble.
         text = answer.decode("ascii", "backslashreplace").rstrip("\r\n")
-        if request.strip():
-            self._raw[chr(request.strip()[0])] = text
+        if asked := request.strip().decode("ascii"):
+            # A letter says enough, but where one has many questions; what is read again in a tick is numbered.
+            name = asked if asked[0] in "IRT" else asked[0]
+            again = sum(known.partition(" ")[0] == name for known in self._raw)
+            self._raw[f"{name} {again + 1}" if again else name] = text
         elif text:
             self._raw["?"] = (self._raw.get("?", "") + text)[-500:]
 

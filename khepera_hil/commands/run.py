@@ -21,6 +21,7 @@ from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 import serial
 
 from khepera_hil import chance
+from khepera_hil.budget import plan
 from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
 from khepera_hil.commands.setting import add_setting, setting_of
@@ -28,7 +29,7 @@ from khepera_hil.controllers import PROGRAMS, Controller
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
 from khepera_hil.follower import Follower
 from khepera_hil.khepera import Khepera
-from khepera_hil.link import Link, check_budget
+from khepera_hil.link import Link
 from khepera_hil.opening import open_port
 from khepera_hil.quantiles import Quantiles
 from khepera_hil.recording import Listener, Recording, Tick
@@ -94,7 +95,7 @@ def run_on_robot(
     # From here on pyserial knows emulator:// (a module protocol_emulator in our package of handlers).
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
-    check_budget([*controller.needs, "D"], asked.baud, asked.period)
+    plan(controller.name, controller.needs, baud=asked.baud, period=asked.period, verify=asked.verify)
     with closing(open_port(url, asked.baud)) as port:
         clock: Clock = getattr(port, "clock", None) or WallClock()
         witness = getattr(port, "witness", None)
@@ -104,6 +105,7 @@ def run_on_robot(
             clock=clock,
             period=asked.period,
             rng=chance.generator(chosen_seed, "program"),
+            verify=asked.verify,
             witness=witness,
         )
         listener = on_open(witness, service)
@@ -294,6 +296,11 @@ def _parser() -> Parser:
         help=f"of the in-process emulator: a name of --list or a TOML file (default: {DEFAULT_WORLD})",
     )
     add("--fast", action="store_true", help="simulated time, as quick as the machine can; in-process emulator only")
+    add(
+        "--verify",
+        action="store_true",
+        help="read the sensors twice, and hold them to what the robot can have moved: for a line that loses bytes",
+    )
     add("--runs", type=Path, default=Path("runs"), metavar="DIR", help="where recordings go (default: %(default)s)")
     add("--json", action="store_true", help="the last line on standard output is the result as one JSON object")
     add("--list", action="store_true", help="list programs and arenas, and end")

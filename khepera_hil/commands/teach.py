@@ -97,6 +97,7 @@ def main(arguments: Sequence[str]) -> int:
         return _Listening(lesson, service)
 
     asked.program = f"teach-{asked.behavior}"
+    asked.verify = False
     try:
         run_on_robot(
             asked,

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from brp import Description, Distribution, Question, Specification, Term, Value
-from khepera_hil.perception import Readings, Sense
+from khepera_hil.perception import Need, Readings, Sense
 
 __all__ = ["USUAL", "VTRANS", "Controller", "Decision", "Program", "Reactive", "Setting", "wheels", "without"]
 
@@ -49,8 +49,8 @@ class Controller(Protocol):
         """As the command line knows it."""
 
     @property
-    def needs(self) -> tuple[str, ...]:
-        """Letters of the readings that each tick takes, in the order in which they are asked."""
+    def needs(self) -> Sequence[str | Need]:
+        """The readings that it takes, in the order in which they are asked; a bare letter is due in each tick."""
 
     @property
     def questions(self) -> Mapping[str, Question]:

@@ -7,6 +7,6 @@ loop nor passes unseen.
 
 from khepera_hil.perception.light import LightBearing
 from khepera_hil.perception.obstacle import Obstacle
-from khepera_hil.perception.readings import Percept, Readings, Sense
+from khepera_hil.perception.readings import Need, Percept, Readings, Sense
 
-__all__ = ["LightBearing", "Obstacle", "Percept", "Readings", "Sense"]
+__all__ = ["LightBearing", "Need", "Obstacle", "Percept", "Readings", "Sense"]

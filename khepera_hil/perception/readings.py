@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-__all__ = ["BEARINGS", "LIGHT_MAX", "Percept", "Readings", "Sense"]
+__all__ = ["BEARINGS", "LIGHT_MAX", "Need", "Percept", "Readings", "Sense"]
 
 BEARINGS = (-90, -45, -10, 10, 45, 90, 175, -175)
 """Where the eight sensors look, in degrees, clockwise from ahead: the order of the manual's N and O and of the
@@ -16,11 +17,35 @@ LIGHT_MAX = 511
 
 
 @dataclass(frozen=True)
+class Need:
+    """A reading that a program takes: a command's letter and values, and that it is due every so many ticks.
+
+    ``Need("N")`` is the proximity of each tick, ``Need("T", (2, "N"), every=3)`` the camera's image of each third.
+    """
+
+    letter: str
+    values: tuple[int | str, ...] = ()
+    every: int = 1
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.every <= 100:
+            raise ValueError(f"{self} cannot be due every {self.every} ticks: use 1 to 100")
+
+    def __str__(self) -> str:
+        return ",".join(map(str, (self.letter, *self.values)))
+
+
+@dataclass(frozen=True)
 class Readings:
-    """One tick's answers: proximity (manual's N, 0..1023) and ambient light (O), eight each, or not asked."""
+    """One tick's answers: proximity (manual's N, 0..1023) and ambient light (O), eight each, or not asked.
+
+    ``answers`` has those to all other needs that were due, by letter and values: ``answers["T", 2, "N"]`` is the
+    turret's letter and its numbers.
+    """
 
     proximity: tuple[int, ...] = ()
     light: tuple[int, ...] = ()
+    answers: Mapping[tuple[int | str, ...], tuple[int | str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from khepera_hil.clock import SimulatedClock
-from khepera_hil.errors import BadAnswer, LinkLost, NoAnswer, ProtocolError, Refused, RobotError, WireTooSlow
-from khepera_hil.link import MARGIN, QUIET, RESYNCHRONISATION, SILENCE, Link, check_budget, seconds_needed
+from khepera_hil.errors import BadAnswer, LinkLost, NoAnswer, ProtocolError, Refused, RobotError, RobotReset
+from khepera_hil.link import MARGIN, QUIET, RESYNCHRONISATION, SILENCE, Link
 from khepera_hil.protocol import COMMAND_NOT_FOUND, PROTOCOL_ERROR, wire_seconds
 from tests.client_end.lines import BAUD, BOOT_TEXT, SYNCHRONISED, FaultyRobot, ScriptedPort, SimulatedPort, Turn
 
@@ -77,7 +79,6 @@ def test_an_answer_is_taken_or_missed_by_its_last_byte_alone(gaps: list[float]) 
         (b"n,0,01,20,300,1023,5,0,7\r\n", BadAnswer),
         (b"n,0,-1,20,300,1023,5,0,7\r\n", BadAnswer),
         (b"N\n" + READING, BadAnswer),
-        (BOOT_TEXT, BadAnswer),
         (b"\xff" * 500, BadAnswer),
         (COMMAND_NOT_FOUND, Refused),
         (PROTOCOL_ERROR, Refused),
@@ -123,7 +124,7 @@ def test_bytes_that_nobody_asked_for_are_thrown_away_before_the_request() -> Non
         *SYNCHRONISED, Turn(b"N\n", READING), Turn(b"\n"), Turn(b"K\n", b"k,0,0,0,0,0,0\r\n"), Turn(b"N\n", READING)
     )
     link.ask("N")
-    port.come(BOOT_TEXT, each=0.0)
+    port.come(b"n,9,9,9,9,9,9,9,9\r\n", each=0.0)
     assert link.ask("N") == VALUES
     assert port.finished
     assert link.counters.unsolicited == 1
@@ -170,6 +171,71 @@ def test_an_interrupted_request_leaves_no_trust_in_the_line() -> None:
         link.ask("N")
     assert port.finished
     assert not link.synchronised
+
+
+# A robot that was reset
+
+
+def in_session(*script: Turn) -> tuple[Link, ScriptedPort]:
+    link, port = conversation(*SYNCHRONISED, *script)
+    link.resynchronise()
+    return link, port
+
+
+@pytest.mark.parametrize(
+    "text", [BOOT_TEXT.lstrip(), BOOT_TEXT.lstrip()[:60], BOOT_TEXT[-31:]], ids=["whole", "first", "second"]
+)
+@pytest.mark.parametrize("behind", [b"", READING], ids=["instead", "before"])
+def test_a_boot_text_that_comes_for_an_answer_is_a_reset(text: bytes, behind: bytes) -> None:
+    link, _ = in_session(Turn(b"N\n", text + behind, each=0.0))
+    with pytest.raises(RobotReset, match="/dev/scripted was reset"):
+        link.ask("N")
+
+
+def test_a_boot_text_between_two_requests_is_a_reset_before_anything_is_sent_to_the_robot() -> None:
+    link, port = in_session(Turn(b"N\n", READING), Turn(b"\n"))
+    link.ask("N")
+    port.come(BOOT_TEXT)
+    port.clock.sleep_until(port.clock.now() + 0.01)
+    with pytest.raises(RobotReset):
+        link.ask("D", 5, 5)
+    assert port.finished
+    assert port.clock.now() < 0.15
+
+
+@given(st.integers(1, len(BOOT_TEXT) - 1), st.integers(1, len(BOOT_TEXT) - 1))
+def test_a_boot_text_is_known_however_it_is_chopped(one: int, other: int) -> None:
+    first, second = sorted((one, other))
+    link, port = in_session(*[Turn(b"\n")] * 9)
+    for piece in (BOOT_TEXT[:first], BOOT_TEXT[first:second], BOOT_TEXT[second:]):
+        port.come(piece, after=0.015, each=0.0)
+    port.clock.sleep_until(port.clock.now() + 0.016)
+    with pytest.raises(RobotReset):
+        link.ask("N")
+
+
+def test_after_a_reset_nothing_is_asked_until_a_session_begins() -> None:
+    link, port = in_session(
+        Turn(b"N\n", BOOT_TEXT.lstrip()),
+        Turn(b"\n"),
+        Turn(b"K\n", b"k,0,0,0,0,0,0\r\n"),
+        Turn(b"N\n", READING),
+    )
+    sent = len(port.written)
+    for letter in ("N", "O", "N"):
+        with pytest.raises(RobotReset):
+            link.ask(letter)
+    assert port.written[sent:] == b"N\n"
+    link.begin()
+    assert link.ask("N") == VALUES
+    assert link.counters.boot_texts == 2
+
+
+def test_the_boot_text_of_a_robot_that_was_just_switched_on_is_none() -> None:
+    link, port = conversation(*SYNCHRONISED, Turn(b"N\n", READING))
+    port.come(BOOT_TEXT)
+    assert link.ask("N") == VALUES
+    assert link.counters.boot_texts == 2
 
 
 # Waiting
@@ -279,6 +345,10 @@ def test_no_stale_reading_is_accepted_whatever_happens_to_lines(seed: int) -> No
             before = robot.readings.get(letter, 0)
             try:
                 values = link.ask(letter, *((5, -5) if letter == "D" else ()))
+            except RobotReset:
+                with contextlib.suppress(RobotError):
+                    link.begin()
+                continue
             except RobotError:
                 continue
             if letter != "D":
@@ -291,6 +361,7 @@ def test_no_stale_reading_is_accepted_whatever_happens_to_lines(seed: int) -> No
     assert accepted > 150
     robot.rate = 0.0
     clock.sleep_until(clock.now() + 2.0)
+    link.begin()
     assert len(link.ask("N")) == 8, "one request after the last fault the line is well again"
 
 
@@ -349,57 +420,3 @@ def test_a_closed_link_says_so() -> None:
     assert not port.open
     with pytest.raises(LinkLost, match="has been closed"):
         link.ask("N")
-
-
-# The wire's budget
-
-
-@pytest.mark.parametrize(
-    ("letters", "baud", "milliseconds"),
-    # The table of wire times at its worst; it counts D,-20,20 where D,-127,-127 is the longest: 3 characters more.
-    [
-        ("N", 9600, 51.6),
-        ("N", 38400, 12.9),
-        ("O", 19200, 25.8),
-        ("H", 9600, 33.2),
-        ("E", 9600, 17.2),
-        ("ND", 9600, 65.3 + 3.4),
-        ("NOD", 9600, 117.0 + 3.4),
-        ("NOD", 19200, 58.4 + 1.7),
-        ("NOHD", 38400, 37.5 + 0.9),
-    ],
-)
-def test_the_budget_is_the_tables_worst_case(letters: str, baud: int, milliseconds: float) -> None:
-    assert seconds_needed(letters, baud) * 1000 == pytest.approx(milliseconds, abs=0.15)
-
-
-def test_what_fits_is_let_through() -> None:
-    assert check_budget("NOD", 38400, 0.1) == seconds_needed("NOD", 38400)
-    assert check_budget("ND", 9600, 0.1) < 0.09
-    assert check_budget("", 9600, 0.1) == 0
-
-
-def test_what_does_not_fit_is_refused_with_what_would() -> None:
-    with pytest.raises(WireTooSlow) as refused:
-        check_budget("NOD", 9600, 0.1)
-    assert str(refused.value) == (
-        "N, O and D need 120 ms at 9600 baud, more than the 90 ms that a period of 100 ms leaves for the wire: "
-        "use 19200 baud or --period 0.14"
-    )
-    with pytest.raises(WireTooSlow, match=r"^N needs 52 ms at"):
-        check_budget("N", 9600, 0.01)
-
-
-@given(
-    st.lists(st.sampled_from("NOHKEDT"), min_size=1, max_size=6),
-    st.sampled_from([9600, 19200, 38400, 57600, 115200]),
-    st.floats(0.005, 0.5),
-)
-def test_the_advice_of_a_refusal_holds(letters: list[str], baud: int, period: float) -> None:
-    try:
-        check_budget(letters, baud, period)
-    except WireTooSlow as refused:
-        advice = str(refused).rpartition("use ")[2]
-        check_budget(letters, baud, float(advice.rpartition("--period ")[2]))
-        if "baud" in advice:
-            check_budget(letters, int(advice.split()[0]), period)
