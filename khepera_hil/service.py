@@ -213,6 +213,7 @@ class Service:
     def _act(self, tick: Tick, decision: Decision) -> None:
         tick.evidence, tick.clipped = dict(decision.evidence), dict(decision.clipped)
         tick.u, tick.draws = dict(decision.u), dict(decision.draws)
+        tick.events.extend(decision.events)
         tick.answers = {key: self._answer(key, given) for key, given in decision.answers.items()}
         self._send(tick, decision.left, decision.right)
 

@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from brp import Description, Distribution, Question, Specification, Term, Value
+from brp.programs.lamp import LightSensor
 from khepera_hil.perception import Need, Readings, Sense
 
 __all__ = ["USUAL", "VTRANS", "Controller", "Decision", "Program", "Reactive", "Setting", "wheels", "without"]
@@ -39,6 +40,8 @@ class Decision:
     right: int
     """Speeds to send, in units of the manual's command D."""
     clipped: Mapping[str, int] = field(default_factory=dict)
+    events: Sequence[tuple[str, str]] = ()
+    """What the user should know of this tick: level (info, warning) and a sentence."""
 
 
 class Controller(Protocol):
@@ -72,6 +75,10 @@ class Setting:
     """Variables that the question is not told, because a sensor failed (E5.3); they are summed out."""
     taught: Description | None = None
     """What to go by in place of the program's own description: the same specification, other data (lesson 2)."""
+    sensors: tuple[LightSensor, ...] | None = None
+    """The light sensors as they were calibrated (section 6.2)."""
+    met: tuple[Mapping[str, int], ...] = ()
+    """The objects met in earlier runs: rows of O, Nlt, Nrt, Per, Lrl (section 8)."""
 
 
 USUAL = Setting()
