@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -39,6 +39,9 @@ class Witness(Protocol):
 
     def poses(self) -> Mapping[str, Pose]:
         """The true poses of everything that moves or can be moved, the robot (``robot``) among it."""
+
+    def orders(self) -> Sequence[tuple[str, bool]]:
+        """The operator's orders since the last time, and whether each is switched on."""
 
 
 class Service:
@@ -115,6 +118,7 @@ class Service:
             {
                 "key": key,
                 "name": name,
+                "description": " ".join(self._controller.questions[key].names),
                 "variables": variables,
                 "values": values,
                 "main": key == self._controller.decides,
@@ -252,6 +256,7 @@ class Service:
         if self._witness is None:
             return
         tick.pose = _rounded(self._witness.pose())
+        tick.orders = [f"{order} {'on' if on else 'off'}" for order, on in self._witness.orders()]
         for name, pose in self._witness.poses().items():
             seen = _rounded(pose)
             if name != "robot" and self._told.get(name) != seen:

@@ -3,7 +3,7 @@
 E6.4 says how probable a sensor's reading is, given the others. "If its reading persists in being inconsistent with
 the readings of the others for some period, it is a good indication of a malfunction." So the logarithm of how much
 better a sensor that may say anything would explain the reading is summed up over the ticks. The sum never falls
-below zero, a tick adds at most 2 and takes off at most 1, and at 50 the sensor is named: that takes two and a half
+below zero, a tick adds at most 2 and takes off at most 1, and at 130 the sensor is named: that takes six and a half
 seconds without a break. A sensor that agrees for as long is taken back.
 
 A tick in which three sensors or more disagree accuses the model and not a sensor (the robot is under the lamp), and
@@ -21,11 +21,11 @@ from brp.programs.lamp import L
 
 __all__ = ["NAMED", "Diagnosis"]
 
-NAMED = 50.0
+NAMED = 130.0
 """The sum at which a sensor counts as out of order, in natural logarithms."""
 
 _UP, _DOWN = 2.0, 1.0
-_MOST = 75.0  # no more is summed up, so that a sensor that was mended is believed again
+_MOST = 195.0  # no more is summed up, so that a sensor that was mended is believed again
 _ACCUSED = 2  # sensors that a tick may speak against
 
 
