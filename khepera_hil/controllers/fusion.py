@@ -1,8 +1,8 @@
 """Sensor fusion, live (section 6): where the light is, which sensor is out of order, and on without that one.
 
 Each tick draws Theta2 from P(Theta2 | L1 ... L8) [E6.1]. Section 6 moves nothing; here the robot wanders by
-avoidance (E5.2), so that it sees the light from all sides. The description is `brp.programs.lamp`, which knows of the
-light's strength, since only so can E6.4 be asked at any distance of the lamp (`khepera_hil.controllers.diagnosis`);
+avoidance (E5.2), so that it sees the light from all sides. The description is `brp.programs.lamp`, which knows of
+the light's strength, since only so can E6.4 be asked at any distance of the lamp (`controllers.diagnosis`);
 pi-fusion itself is asked beside, of the scaled readings. A sensor that was named out of order is left out of the
 question from then on [E6.3].
 """
