@@ -163,6 +163,7 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.recording",
         "brp",
         "numpy",
+        "scipy",  # late
         "evdev",  # late: an extra
     },
     "khepera_hil.experiments": {"khepera_hil", "brp", "numpy", "scipy", "serial", "rerun"},

@@ -25,6 +25,7 @@ from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
 from khepera_hil.commands.setting import add_setting, setting_of
 from khepera_hil.controllers import PROGRAMS, Controller
+from khepera_hil.controllers.object import Recogniser
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
 from khepera_hil.follower import Follower
 from khepera_hil.khepera import Khepera
@@ -33,6 +34,7 @@ from khepera_hil.opening import open_port
 from khepera_hil.quantiles import Quantiles
 from khepera_hil.recording import Listener, Recording, Tick
 from khepera_hil.service import Service
+from khepera_hil.teaching.knowledge import write_knowledge
 from khepera_hil.terminal import Terminal
 from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
 from khepera_hil.viewer.live import Address, address, open_live
@@ -80,7 +82,17 @@ def main(arguments: Sequence[str]) -> int:
     url = port_url(asked.port, asked.world, asked.scenario, fast=asked.fast, seed=chosen_seed)
     setting = setting_of(asked)
     about = {"setting": {"unknown": list(setting.unknown), "data": asked.data}}
-    run_on_robot(asked, chosen_seed, url, PROGRAMS[asked.program].make(setting), about)
+    controller = PROGRAMS[asked.program].make(setting)
+    try:
+        run_on_robot(asked, chosen_seed, url, controller, about)
+    finally:
+        if (
+            asked.knowledge is not None
+            and isinstance(controller, Recogniser)
+            and len(controller.met) > len(setting.met)
+        ):
+            write_knowledge(controller.met, asked.knowledge)
+            print(f"{len(controller.met)} tours known in {asked.knowledge}", file=sys.stderr)
     return 0
 
 
