@@ -32,7 +32,7 @@ from brp.programs.fusion import L
 from brp.programs.sensor import BEARINGS, Theta2
 from brp.variables import P, Variable
 
-__all__ = ["USUAL", "L", "Level", "LightSensor", "Theta2", "lamp", "pi_lamp"]
+__all__ = ["USUAL", "L", "Level", "LightSensor", "Theta2", "lamp", "model", "pi_lamp"]
 
 LEAK = 0.03  # of the light reaches a sensor that looks away
 SHARE = 0.08  # of the swing in the deviation

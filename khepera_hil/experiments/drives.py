@@ -38,7 +38,14 @@ __all__ = [
 ]
 
 THING = {"shape": "disc", "radius_mm": 25, "height_mm": 40, "mass_g": 40}
-WORLDS = {"push": "push", "avoid": "pen", "follow": "post", "follow-left": "post", "phototaxy": "lamp"}
+WORLDS = {
+    "push": "push",
+    "avoid": "pen",
+    "follow": "post",
+    "follow-left": "post",
+    "phototaxy": "lamp",
+    "home": "furnished",
+}
 """Where each behavior is taught."""
 
 
@@ -52,7 +59,9 @@ def lesson(behavior: str, seconds: float, seed: int) -> list[dict[str, Any]]:
     taken: list[Lesson] = []
 
     def make(eyes: Any) -> Controller:
-        taken.append(Lesson(behavior, Scripted(behavior, eyes, chance.generator(seed, "teacher"))))
+        # Homing sees all that any behavior sees; as a lesson it is one of phototaxy with another rule.
+        taught = "phototaxy" if behavior == "home" else behavior
+        taken.append(Lesson(taught, Scripted(behavior, eyes, chance.generator(seed, "teacher"))))
         return taken[-1]
 
     drive(make, world=WORLDS[behavior], seed=seed, duration=seconds)

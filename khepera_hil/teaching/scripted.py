@@ -80,8 +80,21 @@ def phototaxy(view: View) -> float:
     return lamp.centre / 9
 
 
+def home(view: View) -> float:
+    """Towards the lamp, unless something is close: then away from that."""
+    near = view.look()[0]
+    return avoid(view) if near.gap < 24 and abs(near.bearing) < 100 else phototaxy(view)
+
+
 RULES: Mapping[str, Rule] = MappingProxyType(
-    {"push": push, "avoid": avoid, "follow": follow, "follow-left": follow_left, "phototaxy": phototaxy}
+    {
+        "push": push,
+        "avoid": avoid,
+        "follow": follow,
+        "follow-left": follow_left,
+        "phototaxy": phototaxy,
+        "home": home,
+    }
 )
 """What is wanted, by the behavior's name."""
 
