@@ -23,7 +23,7 @@ from khepera_hil import chance
 from khepera_hil.budget import plan
 from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
-from khepera_hil.commands.setting import add_setting, setting_of
+from khepera_hil.commands.setting import add_setting, setting_of, told
 from khepera_hil.controllers import PROGRAMS, Controller
 from khepera_hil.controllers.object import Recogniser
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
@@ -81,10 +81,9 @@ def main(arguments: Sequence[str]) -> int:
     chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
     url = port_url(asked.port, asked.world, asked.scenario, fast=asked.fast, seed=chosen_seed)
     setting = setting_of(asked)
-    about = {"setting": {"unknown": list(setting.unknown), "data": asked.data}}
     controller = PROGRAMS[asked.program].make(setting)
     try:
-        run_on_robot(asked, chosen_seed, url, controller, about)
+        run_on_robot(asked, chosen_seed, url, controller, {"setting": told(asked)})
     finally:
         if (
             asked.knowledge is not None
