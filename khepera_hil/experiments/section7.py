@@ -18,7 +18,7 @@ from khepera_hil.experiments.arenas import pocket, written
 from khepera_hil.experiments.campaign import Case, Result
 from khepera_hil.experiments.drives import generator, lesson
 from khepera_hil.experiments.experiment import Experiment, Report
-from khepera_hil.experiments.figures import counted, share
+from khepera_hil.experiments.figures import counted, mean, share
 from khepera_hil.experiments.picture import Chart
 from khepera_hil.experiments.show import charts_shown, run_shown
 from khepera_hil.experiments.trial import Trial, drive
@@ -61,7 +61,7 @@ def _controller(kind: str, seed: int) -> Controller:
         return _mixed(_always(np.ones(16)), "pi-avoidance")
     if kind == "phototaxy alone":
         return _mixed(_always(np.zeros(16)), "pi-phototaxy")
-    return _mixed(_always(weights(learnt_home(lesson("home", 120, 1000)))), "pi-learnt")
+    return _mixed(_always(weights(learnt_home(_own(1000), by_hand=True))), "pi-learnt")
 
 
 def _home_trial(case: Case) -> Result:
@@ -143,9 +143,25 @@ def _never(case: Case) -> Result:
     raise AssertionError("there are no cases")
 
 
+def _lessons(seed: int) -> list[dict[str, Any]]:
+    """Two minutes of homing by hand, from six places."""
+    return [row for k in range(6) for row in lesson("home", 20, 1000 * seed + k)]
+
+
+def _own(seed: int) -> list[dict[str, Any]]:
+    """Two minutes of the program home, as somebody who only looks on would write them down."""
+    rows: list[dict[str, Any]] = []
+    for k in range(3):
+        run = drive(PROGRAMS["home"].make(), world="furnished", seed=1000 * seed + k, duration=40)
+        rows += [{**tick.evidence, **tick.draws} for tick in run.ticks if tick.draws]
+    return rows
+
+
 def _fig7_trial(case: Case) -> Result:
-    """P(avoidance | Prox) learnt from two minutes of homing by hand, H never observed."""
-    return {"weights": [round(float(w), 6) for w in weights(learnt_home(lesson("home", 120, case["seed"])))]}
+    """P(avoidance | Prox) learnt with H never observed: from homing by hand, and from runs of home itself."""
+    taught = weights(learnt_home(_lessons(case["seed"])))
+    own = weights(learnt_home(_own(case["seed"]), by_hand=True))
+    return {name: [round(float(w), 6) for w in found] for name, found in (("taught", taught), ("own", own))}
 
 
 def _fig7_cases(seeds: Sequence[int]) -> list[Case]:
@@ -157,16 +173,15 @@ def _specified() -> list[float]:
 
 
 def _fig7_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
-    from khepera_hil.experiments.figures import mean
-
     w = _specified()
     figures = [
         counted("P(avoidance | Prox 0)", w[0], "<= 0.001", "0"),
         counted("P(avoidance | Prox 9)", w[9], "== 0.5", "0.5 (alpha = 9)"),
         counted("P(avoidance | Prox 15)", w[15], ">= 0.99", "1"),
         *(
-            mean(f"learnt with H hidden: P(avoidance | Prox {prox})", [r["weights"][prox] for r in results])
-            for prox in (0, 3, 9, 15)
+            mean(f"P(avoidance | Prox {prox}) learnt {words}, H hidden", [r[name][prox] for r in results])
+            for name, words in (("own", "from runs of home"), ("taught", "from homing by hand"))
+            for prox in (0, 9, 15)
         ),
     ]
     return Report(figures)
@@ -174,10 +189,12 @@ def _fig7_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
 
 def _fig7_show(folder: Path) -> list[Path]:
     at = [float(prox) for prox in Prox.values]
-    learnt = weights(learnt_home(lesson("home", 120, 1))).tolist()
+    own = weights(learnt_home(_own(1), by_hand=True)).tolist()
+    taught = weights(learnt_home(_lessons(1))).tolist()
     charts = [
         Chart("P(avoidance | Prox pi-home)", "Prox", _specified(), at),
-        Chart("learnt from two minutes of homing, H never observed", "Prox", learnt, at),
+        Chart("learnt from two minutes of home, H never observed", "Prox", own, at),
+        Chart("learnt from two minutes of homing by hand", "Prox", taught, at),
     ]
     return charts_shown(folder, "fig7", "Figure 7: P(avoidance | Prox)", charts, columns=1)
 

@@ -15,15 +15,19 @@ from numpy.typing import NDArray
 from brp import Description, Laplace, P, Specification, Switch, Uniform, identify_hidden
 from brp.data import shipped
 from brp.programs.home import Dir, H, Prox, Theta1, Vrot
+from brp.programs.obstacle import avoid as avoid_by_hand
 from brp.programs.obstacle import obstacle
+from brp.programs.phototaxy import phototaxy1 as phototaxy_by_hand
 from brp.programs.phototaxy import pi_phototaxy1
 
 __all__ = ["learnt_home", "weights"]
 
 
-def _specification() -> Specification:
-    avoid = shipped("delta-avoid", obstacle).ask(P(Vrot | Prox, Dir))
-    phototaxy = shipped("delta-phototaxy", pi_phototaxy1).ask(P(Vrot | Theta1))
+def _specification(by_hand: bool) -> Specification:
+    avoid, phototaxy = avoid_by_hand, phototaxy_by_hand
+    if not by_hand:
+        avoid = shipped("delta-avoid", obstacle).ask(P(Vrot | Prox, Dir))
+        phototaxy = shipped("delta-phototaxy", pi_phototaxy1).ask(P(Vrot | Theta1))
     return Specification(
         {
             P(Dir): Uniform(),
@@ -36,11 +40,14 @@ def _specification() -> Specification:
     )
 
 
-def learnt_home(rows: Sequence[Mapping[str, Any]]) -> Description:
-    """pi-home with P(H | Prox) identified from rows of Dir, Prox, Theta1 and Vrot."""
+def learnt_home(rows: Sequence[Mapping[str, Any]], *, by_hand: bool = False) -> Description:
+    """pi-home with P(H | Prox) identified from rows of Dir, Prox, Theta1 and Vrot.
+
+    The two behaviors are those that were taught; or, ``by_hand``, the tables that `brp.programs` has.
+    """
     names = [v.name for v in (Dir, Prox, Theta1, Vrot)]
     columns = {name: [row[name] for row in rows] for name in names}
-    return identify_hidden(_specification(), columns, name="delta-home").description
+    return identify_hidden(_specification(by_hand), columns, name="delta-home").description
 
 
 def weights(description: Description) -> NDArray[np.float64]:
