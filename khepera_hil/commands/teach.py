@@ -169,7 +169,7 @@ def _parser() -> Parser:
         "--shake",
         type=number(0, 10, "units of Vrot"),
         metavar="VROT",
-        help=f"deviation of the script's hand (default: {STEADY:g}, and {SHAKE['push']:g} to push)",
+        help=f"deviation of the script's hand (default: {STEADY:g}, {SHAKE['push']:g} to push or for phototaxy)",
     )
     add("--runs", type=Path, default=Path("runs"), metavar="DIR", help="where the recording goes")
     add("--json", action="store_true", help="the run's result as one JSON object")
