@@ -10,10 +10,12 @@
     |   |-- Refused                4  the robot said that it did not understand the command
     |   |-- RobotReset             4  the robot was reset in mid-session: it forgot its speeds
     |   `-- Implausible            4  what was read twice does not agree, or cannot be after what was read before
+    |-- GuardLost                  7  the guard, which would stop the wheels in our place, is not there
     |-- WireTooSlow                5  what a tick needs does not fit into the period at this baud rate
     |-- WorldError                 2  an arena that cannot be read or furnished
     |-- RecordingError             6  the run's folder cannot be written, or read back
     |-- ViewerError                1  the viewer is not there, or cannot draw here
+    |-- OrderRefused               8  an order that no running program takes
     `-- ProtocolError              1  bytes that are not in the protocol's grammar (raised by ``protocol`` only)
 
 ``__main__`` turns each of them into one sentence on standard error and its ``exit_code``; nothing else
@@ -24,10 +26,12 @@ from __future__ import annotations
 
 __all__ = [
     "BadAnswer",
+    "GuardLost",
     "Implausible",
     "KheperaHilError",
     "LinkLost",
     "NoAnswer",
+    "OrderRefused",
     "PortError",
     "ProtocolError",
     "RecordingError",
@@ -92,6 +96,12 @@ class Implausible(RobotError):
     """Readings that no robot could give that was read just before, or that do not agree with themselves."""
 
 
+class GuardLost(KheperaHilError):
+    """The guard, which would stop the wheels in our place, is not there, or has acted."""
+
+    exit_code = 7
+
+
 class WireTooSlow(KheperaHilError):
     """What a tick needs does not fit into the period at this baud rate."""
 
@@ -112,6 +122,12 @@ class RecordingError(KheperaHilError):
 
 class ViewerError(KheperaHilError):
     """The viewer is not installed, or cannot draw here."""
+
+
+class OrderRefused(KheperaHilError):
+    """An order that no running program takes, or that nobody is there to take."""
+
+    exit_code = 8
 
 
 class ProtocolError(KheperaHilError):

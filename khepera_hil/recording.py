@@ -13,10 +13,10 @@ Everything else (the viewer's file, live views) is derived and hangs behind the 
 ``reading`` is the way back.
 
 The log's columns, one object a tick: ``tick`` (how many came before), ``t`` (s of robot time since the start),
-``missed`` (deadlines skipped just before), ``raw`` (command letter -> the robot's answer), ``orders`` (of the
-operator), ``evidence``, ``clipped`` (variable -> how often perception clipped it), ``answers`` (key of a
-question -> hash of its probabilities), ``sketch`` (the same -> one number made of them, see :meth:`Answer.sketch`),
-``u`` (the uniform number behind each draw), ``draws``, ``command``
+``missed`` (deadlines skipped just before), ``state`` (of the service when the tick was done), ``raw`` (command
+letter -> the robot's answer), ``orders`` (of the operator), ``evidence``, ``clipped`` (variable -> how often
+perception clipped it), ``answers`` (key of a question -> hash of its probabilities), ``sketch`` (the same -> one
+number made of them, see :meth:`Answer.sketch`), ``u`` (the uniform number behind each draw), ``draws``, ``command``
 (left, right in pulse/10 ms as the robot acknowledged them, or null), ``pose`` (x m, y m, theta rad, or null),
 ``moved`` (movable shapes whose pose changed), ``events`` (level, text), ``late_ms``, ``work_ms``, ``wall``
 (s since 1970).
@@ -29,6 +29,7 @@ import fcntl
 import hashlib
 import importlib.metadata
 import json
+import math
 import os
 import platform
 import tempfile
@@ -109,7 +110,8 @@ class Answer:
 
 @lru_cache(maxsize=64)
 def _weights(size: int) -> NDArray[np.float64]:
-    weights: NDArray[np.float64] = 2 * (np.arange(1, size + 1) * 0.6180339887498949 % 1) - 1
+    places = np.arange(1, size + 1, dtype=np.float64)
+    weights: NDArray[np.float64] = 2.0 * np.fmod(places * 0.6180339887498949, 1.0) - 1.0
     return weights
 
 
@@ -123,6 +125,7 @@ class Tick:
 
     tick: int
     t: float
+    state: str = ""
     raw: dict[str, str] = field(default_factory=dict)
     orders: list[str] = field(default_factory=list)
     evidence: dict[str, Value] = field(default_factory=dict)
@@ -145,12 +148,13 @@ class Tick:
             "tick": self.tick,
             "t": _short(self.t, 6),
             "missed": self.missed,
+            "state": self.state,
             "raw": self.raw,
             "orders": self.orders,
             "evidence": self.evidence,
             "clipped": self.clipped,
             "answers": {key: answer.digest() for key, answer in self.answers.items()},
-            "sketch": {key: _short(answer.sketch(), 12) for key, answer in self.answers.items()},
+            "sketch": {key: _sketched(answer) for key, answer in self.answers.items()},
             "u": self.u,  # exact: a replay draws with it again
             "draws": self.draws,
             "command": self.command,
@@ -364,6 +368,12 @@ def _is_json(value: object) -> bool:
     except (TypeError, ValueError):
         return False
     return True
+
+
+def _sketched(answer: Answer) -> float | None:
+    """An answer that is no distribution does not stop the log."""
+    number = answer.sketch()
+    return _short(number, 12) if math.isfinite(number) else None
 
 
 def _short(value: float, digits: int) -> float:

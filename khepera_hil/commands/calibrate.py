@@ -36,7 +36,7 @@ def main(arguments: Sequence[str]) -> int:
     run = parser_of_run().parse_args([*words, "--duration", str(asked.duration), "--runs", str(asked.runs)])
     run.fast, run.world, run.program = asked.fast, world, "calibrate"
     turning = Turning()
-    url = port_url(run.port, run.world, run.scenario, fast=run.fast, seed=chosen)
+    url = port_url(run.port, run.world, run.scenario, fast=run.fast, seed=chosen, faults=None)
     run_on_robot(run, chosen, url, turning, {})
     sensors = calibrated(turning.headings, turning.light)
     print("sensor  alpha    beta   dark  deviation  beside  gain")

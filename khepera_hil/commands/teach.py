@@ -89,7 +89,7 @@ def main(arguments: Sequence[str]) -> int:
     words = ["--port", asked.port, "--baud", str(asked.baud), "--period", str(asked.period), "--seed", str(chosen)]
     run = parser_of_run().parse_args([*words, "--duration", str(asked.duration), "--runs", str(asked.runs)])
     run.fast, run.json, run.world, run.program = asked.fast, asked.json, world, f"teach-{asked.behavior}"
-    url = port_url(run.port, run.world, run.scenario, fast=run.fast, seed=chosen)
+    url = port_url(run.port, run.world, run.scenario, fast=run.fast, seed=chosen, faults=None)
     lesson = Lesson(asked.behavior, _NoHand())
     hand = _hand(asked.teacher)
 

@@ -6,9 +6,9 @@ from types import MappingProxyType
 from brp.programs.obstacle import obstacle
 from brp.programs.phototaxy import pi_phototaxy1
 from khepera_hil.controllers import avoid, follow, fusion, home, object, phototaxy, push
-from khepera_hil.controllers.base import Controller, Decision, Program, Setting
+from khepera_hil.controllers.base import Commanded, Controller, Decision, Program, Setting
 
-__all__ = ["PROGRAMS", "Controller", "Decision", "Program", "Setting"]
+__all__ = ["PROGRAMS", "Commanded", "Controller", "Decision", "Program", "Setting"]
 
 _OBSTACLE = ("Prox", "Dir")
 
@@ -26,7 +26,9 @@ PROGRAMS: Mapping[str, Program] = MappingProxyType(
             ("Theta1",),
             pi_phototaxy1,
         ),
-        "fusion": Program("drive to the light by all eight sensors, and watch them (section 6)", fusion.controller),
+        "fusion": Program(
+            "where the light is by eight sensors, and which is broken (section 6)", fusion.controller
+        ),
         "home": Program(
             "go back to the lit base, avoiding obstacles (section 7)", home.controller, ("Dir", "Prox", "Theta1")
         ),

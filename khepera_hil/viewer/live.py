@@ -1,7 +1,7 @@
 """Looking on while a run goes on: a server of its own for viewers, which come and go as they like.
 
-The server keeps the last ``MEMORY`` of what it was sent, so that a viewer that comes late sees what was. It is fed by
-a follower of its own (see ``follower``): neither the loop nor the file waits for a viewer, and nothing here ever
+The server keeps the last ``MEMORY`` of what it was sent, so that a viewer that comes late sees what was. It is fed
+by a follower of its own (see ``follower``): neither the loop nor the file waits for a viewer, and nothing here ever
 connects to one.
 """
 
@@ -87,8 +87,8 @@ def address(text: str = "127.0.0.1") -> Address:
 def _split(text: str) -> tuple[str, int | None]:
     bare = text.strip()
     if bare.startswith("["):
-        host, _, rest = bare[1:].partition("]")
-        port = rest[1:] if rest.startswith(":") else rest or None
+        host, bracket, rest = bare[1:].partition("]")
+        port = rest[1:] if rest.startswith(":") else rest or (None if bracket else "]")
     elif bare.count(":") > 1:
         host, port = bare, None
     else:

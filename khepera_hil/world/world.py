@@ -35,9 +35,10 @@ E = TypeVar("E", bound=Event)
 STEP = 0.005
 """Seconds of one step of physics."""
 
-_SCAN = STEP / SCANS_A_STEP  # s from one sensor's scan to the next one's: 20 ms for all eight
-# (Khepera User Manual 5.02, section 3.1.6)
-_STEPS_A_WATT = 4  # the battery is reckoned with every 20 ms
+_SCAN = STEP / SCANS_A_STEP
+"""Seconds from one sensor's scan to the next one's: 20 ms for all eight (Khepera User Manual 5.02, 3.1.6)."""
+
+_STEPS_A_RECKONING = 4  # of what the battery gave, every 20 ms
 _STEPS_A_LOOK = 10  # whether a mover is in view, every 50 ms
 
 _ROBOT_HEIGHT = 29.0  # mm (paper, section 4.1)
@@ -138,8 +139,7 @@ class World:
         before = self._now
         for step in range(self._steps + 1, target + 1):
             now = step * STEP
-            # An empty battery turns nothing.
-            left, right = wheels() if battery.charge > 0 else (0.0, 0.0)
+            left, right = wheels() if battery.charge > 0 else self._unpowered()
             pose = physics.advance(STEP, (left + right) / 2, (right - left) / WHEEL_BASE)
             if director.acts or now + 1e-9 >= director.next:
                 director.step(now, step, pose, self._turbine)
@@ -148,7 +148,7 @@ class World:
             score(now, STEP, pose[:2], physics.touching > 0)
             if step >= camera.next:
                 camera.take(moment, before.pose)
-            if step % _STEPS_A_WATT == 0:
+            if step % _STEPS_A_RECKONING == 0:
                 self._reckon()
             if director.walking and step % _STEPS_A_LOOK == 0:
                 self._look(moment, now)
@@ -156,12 +156,17 @@ class World:
         self._now = before
         self._steps = target
 
+    def _unpowered(self) -> tuple[float, float]:
+        """An empty battery turns no wheel, and the encoders see it."""
+        self._wheels.window = self._wheels.travel, self._wheels.travel
+        return 0.0, 0.0
+
     def _reckon(self) -> None:
         """The battery's part since the last time."""
         (left, right), (was_left, was_right) = self._wheels.travel, self._rolled
         self._rolled = left, right
         rolled = abs(left - was_left) + abs(right - was_right)
-        self.battery.step(_STEPS_A_WATT * STEP, rolled, self._score.inside)
+        self.battery.step(_STEPS_A_RECKONING * STEP, rolled, self._score.inside)
 
     def _look(self, moment: Moment, now: float) -> None:
         seen = {self._cast.shapes[place].name for place in self._camera.sees(moment)}
