@@ -77,7 +77,7 @@ def test_a_mended_sensor_is_believed_again() -> None:
 def test_fusion_names_the_sensor_that_a_scenario_breaks_and_goes_on_without_it(tmp_path: Path) -> None:
     scenario = tmp_path / "broken.toml"
     scenario.write_text('title = "one breaks"\n[[event]]\nat_s = 10\nkind = "broken-sensor"\nsensor = 6\n')
-    words = ["--program", "fusion", "--world", "lamp", "--scenario", scenario, "--fast", "--duration", "60"]
+    words = ["--program", "fusion", "--world", "lamp", "--scenario", str(scenario), "--fast", "--duration", "60"]
     done = khepera_hil(*words, "--seed", "2", "--json", cwd=tmp_path)
     assert done.code == 0, done.err
     rows = [json.loads(row) for row in (tmp_path / done.result["run"] / "ticks.jsonl").read_text().splitlines()]

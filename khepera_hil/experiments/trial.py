@@ -5,11 +5,13 @@ Nothing is written: who wants a recording runs the program by the command line, 
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import hypot
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 from urllib.parse import quote, urlencode
@@ -55,6 +57,9 @@ class Trial:
 
 class _Log:
     """Stands where a recording stands, and keeps the ticks."""
+
+    folder = Path(tempfile.gettempdir())
+    """Where a guard would write to; the emulator needs none."""
 
     def __init__(self, trial: Trial, watch: Watch | None, stop: Callable[[str], None]) -> None:
         self._trial, self._watch, self._stop = trial, watch, stop

@@ -94,11 +94,11 @@ def test_the_other_arenas_can_be_furnished() -> None:
 
 def test_a_perfect_robot_knows_all_objects_but_the_twins() -> None:
     """The presentations of table 1 with tours that are always the same: 13 of 13, and all recognised."""
-    tours = {
+    tours: dict[str, list[dict[str, int] | None]] = {
         name: [{"Nlt": 0, "Nrt": 4, "Per": 400 + 40 * (place - (name == TWINS[1])), "Lrl": 50}] * PRESENTATIONS
         for place, name in enumerate(OBJECTS)
     }
-    said = _order(3, dict(tours))
+    said = _order(3, tours)
     met: set[str] = set()
     for name, taken in said:
         if name not in TWINS:
