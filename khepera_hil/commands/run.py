@@ -8,7 +8,7 @@ import os
 import secrets
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict
 from datetime import datetime
@@ -25,8 +25,10 @@ from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands import COMMANDS
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
 from khepera_hil.commands.scored import scored
+from khepera_hil.commands.setting import add_setting, setting_of, told
 from khepera_hil.commands.signals import heeded
-from khepera_hil.controllers import PROGRAMS
+from khepera_hil.controllers import PROGRAMS, Controller
+from khepera_hil.controllers.object import Recogniser
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
 from khepera_hil.faultspec import Specification
 from khepera_hil.follower import Follower
@@ -38,16 +40,17 @@ from khepera_hil.orders import OrderSocket
 from khepera_hil.quantiles import Quantiles
 from khepera_hil.realtime import Collector, ask_for_realtime
 from khepera_hil.reconnection import stable_name
-from khepera_hil.recording import Recording, Tick
+from khepera_hil.recording import Listener, Recording, Tick
 from khepera_hil.service import PATIENCE, Service
 from khepera_hil.systemd import Manager
+from khepera_hil.teaching.knowledge import write_knowledge
 from khepera_hil.terminal import Terminal
 from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
 from khepera_hil.viewer.live import Address, address, open_live
 from khepera_hil.viewer.program import has_screen
 from khepera_hil.world import arenas, load_scenario, scenarios
 
-__all__ = ["main"]
+__all__ = ["main", "parser_of_run", "port_url", "run_on_robot"]
 
 DEFAULT_WORLD = "furnished"
 LOCAL = "127.0.0.1"
@@ -71,19 +74,48 @@ exit codes: 0 ended well (duration, Ctrl-C, SIGTERM, order)  2 wrong arguments  
 
 def main(arguments: Sequence[str]) -> int:
     """Run a program on a robot, record it, and say how it went."""
-    asked = _parser().parse_args(arguments)
+    asked = parser_of_run().parse_args(arguments)
     if asked.list:
         _list()
         return 0
     existing_name("program", asked.program, list(PROGRAMS))
-    live = _live(asked)
     chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
     url = port_url(asked.port, asked.world, asked.scenario, fast=asked.fast, seed=chosen_seed, faults=asked.faults)
+    setting = setting_of(asked)
+    controller = PROGRAMS[asked.program].make(setting)
+    try:
+        run_on_robot(asked, chosen_seed, url, controller, {"setting": told(asked)})
+    finally:
+        if (
+            asked.knowledge is not None
+            and isinstance(controller, Recogniser)
+            and len(controller.met) > len(setting.met)
+        ):
+            write_knowledge(controller.met, asked.knowledge)
+            print(f"{len(controller.met)} tours known in {asked.knowledge}", file=sys.stderr)
+    return 0
+
+
+def run_on_robot(
+    asked: argparse.Namespace,
+    chosen_seed: int,
+    url: str,
+    controller: Controller,
+    about: dict[str, Any],
+    *,
+    on_open: Callable[[Any, Service], Listener | None] = lambda witness, service: None,
+    note: Callable[[], str] = lambda: "",
+) -> None:
+    """A controller on the robot behind ``url``, recorded and told; ``about`` goes into the manifest.
+
+    ``on_open`` is told who sees the robot from outside (or None) and the service, before the first tick; what it
+    returns hears of every tick. ``note`` is shown in the terminal's line.
+    """
+    live = _live(asked)
     # From here on pyserial knows emulator:// (a module protocol_emulator in our package of handlers).
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
-    controller = PROGRAMS[asked.program][1]()
-    plan(asked.program, controller.needs, baud=asked.baud, period=asked.period, verify=asked.verify)
+    plan(controller.name, controller.needs, baud=asked.baud, period=asked.period, verify=asked.verify)
     if asked.realtime:
         for refusal in ask_for_realtime():
             _remark(refusal)
@@ -111,9 +143,10 @@ def main(arguments: Sequence[str]) -> int:
             idle=between.idle,
         )
         between.service = service
+        listener = on_open(getattr(port, "witness", None), service)
         with closing(service), heeded(service):
-            _run(asked, chosen_seed, url, service, clock, getattr(port, "witness", None), between, live)
-    return 0
+            witness = getattr(port, "witness", None)
+            _run(asked, chosen_seed, url, service, clock, witness, between, live, about, listener, note)
 
 
 def _live(asked: argparse.Namespace) -> Address | None:
@@ -168,6 +201,9 @@ def _run(
     witness: Any,
     between: _Between,
     live: Address | None,
+    about: dict[str, Any],
+    listener: Listener | None,
+    note: Callable[[], str],
 ) -> None:
     versions = service.connect()
     manifest: dict[str, Any] = {
@@ -179,6 +215,7 @@ def _run(
         "faults": dict(parse_qsl(urlsplit(url).query)).get("faults"),
         "robot": {"bios": versions[0], "protocol": versions[1]},
         **service.program(),
+        **about,
         "world": None
         if witness is None
         else {**_world_of(url), "size": witness.size(), "shapes": witness.shapes()},
@@ -192,6 +229,8 @@ def _run(
         opening = partial(open_file, recording.folder / FILE, recording.manifest, rows=rows)
         viewer: Follower[Tick] = Follower(opening, name=FILE, waits=clock.simulated)
         recording.follow(viewer)
+        if listener is not None:
+            recording.follow(listener)
         viewer.wait_until_open()
         if live is not None:
             page = asked.serve is not None
@@ -201,7 +240,7 @@ def _run(
                 print(f"look on at {live.page} or by: {_called('rerun')} {live.stream}")
         if sys.stdout is not None:  # nobody looks where it was closed
             sys.stdout.flush()
-            recording.follow(Follower(Terminal(sys.stdout, asked.program), name=_TERMINAL, waits=False))
+            recording.follow(Follower(Terminal(sys.stdout, asked.program, note=note), name=_TERMINAL, waits=False))
         with _orders(recording.folder, clock, service) as orders:
             between.manager.ready(f"{asked.program} on {asked.port}")
             between.collector.begin()
@@ -351,8 +390,8 @@ def _world_of(url: str) -> dict[str, str | None]:
 
 def _list() -> None:
     print("programs (--program):")
-    for name, (does, _) in PROGRAMS.items():
-        print(f"  {name:13} {does}")
+    for name, one in PROGRAMS.items():
+        print(f"  {name:13} {one.about}")
     print("arenas of the emulator (--world):")
     for name, looks in arenas().items():
         print(f"  {name:13} {looks}")
@@ -361,13 +400,15 @@ def _list() -> None:
         print(f"  {name:13} {happens}")
 
 
-def _parser() -> Parser:
+def parser_of_run() -> Parser:
+    """The options of a run."""
     parser = Parser(
         "khepera-hil", "Run a Bayesian robot program on a Khepera and record every distribution.", EPILOG
     )
     add = parser.add_argument
     add("--port", default="emulator", help="a device, a URL of pyserial's, or emulator (default: %(default)s)")
     add("--program", default="home", metavar="NAME", help="what to run, see --list (default: %(default)s)")
+    add_setting(parser)
     add("--baud", type=baud, default=38400, help="the rate of the robot's mode (default: %(default)s)")
     add(
         "--period",
