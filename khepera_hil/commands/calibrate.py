@@ -8,8 +8,10 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from khepera_hil.commands.address import port_url
 from khepera_hil.commands.parser import Parser, baud, number, seed
-from khepera_hil.commands.run import parser_of_run, port_url, run_on_robot
+from khepera_hil.commands.run import parser_of_run
+from khepera_hil.commands.session import run_on_robot
 from khepera_hil.errors import UsageError
 from khepera_hil.teaching.calibration import Turning, calibrated, write_calibration
 

@@ -15,8 +15,10 @@ from brp.programs.fusion import L
 from brp.programs.obstacle import Dir, Prox, Vrot
 from brp.programs.phototaxy import Theta1
 from khepera_hil import chance
+from khepera_hil.commands.address import port_url
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
-from khepera_hil.commands.run import parser_of_run, port_url, run_on_robot
+from khepera_hil.commands.run import parser_of_run
+from khepera_hil.commands.session import run_on_robot
 from khepera_hil.errors import RecordingError, UsageError
 from khepera_hil.recording import Tick as Turn
 from khepera_hil.service import Service
