@@ -110,7 +110,11 @@ class Guard:
         """One message and its descriptors; an empty one when the pipe has ended."""
         fds = array.array("i")
         try:
-            message, ancillary, _, _ = self._pipe.recvmsg(16, socket.CMSG_SPACE(fds.itemsize))
+            try:
+                message, ancillary, _, _ = self._pipe.recvmsg(16, socket.CMSG_SPACE(fds.itemsize))
+            except ConnectionResetError:
+                # The service went with answers of ours unread. That is told once, and first; a goodbye comes after.
+                message, ancillary, _, _ = self._pipe.recvmsg(16, socket.CMSG_SPACE(fds.itemsize))
         except OSError:
             return b"", []
         for level, kind, data in ancillary:

@@ -155,16 +155,29 @@ class Process:
         if self._lost:
             return
         try:
-            while (said := self._pipe.recv(500)) == guard.HEARD:
+            while (said := self._said()) == guard.HEARD:
                 self._unanswered -= 1
                 self._silent = 0.0
         except BlockingIOError:
             self._wonder()
             return
-        except OSError:
-            said = b""
         self._lost = True
         raise GuardLost(_last_words(said))
+
+    def _said(self) -> bytes:
+        """The next that it said; nothing more when it is gone. Raises BlockingIOError."""
+        try:
+            return self._pipe.recv(500)
+        except ConnectionResetError:
+            pass  # it went with beats of ours unread; what it said before comes after that
+        except BlockingIOError:
+            raise
+        except OSError:
+            return b""
+        try:
+            return self._pipe.recv(500)
+        except OSError:
+            return b""
 
     def _wonder(self) -> None:
         """Whether it has been silent for too long. What we have slept through ourselves is not held against it."""

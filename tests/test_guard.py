@@ -76,6 +76,11 @@ def die(process: Process) -> None:
     process._pipe.close()
 
 
+def answered(process: Process) -> None:
+    """It has said something that nobody has read."""
+    assert select.select([process._pipe], [], [], LONG)[0]
+
+
 def held_up(process: Process) -> None:
     """It is stopped, and has been."""
     os.kill(process.pid, signal.SIGSTOP)
@@ -135,6 +140,21 @@ def test_as_long_as_the_service_is_well_it_says_nothing(line: Line, armed: bool)
     process.close()
     assert process._process.returncode == 0
     assert line.heard(1, 0.0) == b""
+
+
+def test_a_goodbye_counts_also_when_its_answers_were_never_read(process: Process, line: Line) -> None:
+    process.watch(line.slave)
+    answered(process)
+    process.close()
+    assert process._process.returncode == 0
+    assert line.heard(1, 0.0) == b""
+
+
+def test_a_death_counts_also_when_its_answers_were_never_read(process: Process, line: Line) -> None:
+    process.watch(line.slave)
+    answered(process)
+    die(process)
+    assert line.heard(len(BOTH)) == BOTH
 
 
 def test_wheels_at_rest_need_no_beat_and_a_death_no_order(line: Line) -> None:
