@@ -158,8 +158,8 @@ def _series(manifest: Mapping[str, Any]) -> rrb.Vertical:
             _plot("/link", "Link: characters answered a tick", legend=True),
             active_tab=0,
         ),
-        # A lane of states is low; with many of them they need as much room as a plot.
-        row_shares=[1.0, 1.0, *[1.0] * len(variables), 0.8 + 0.1 * len(states(manifest)), 1.0, 0.9],
+        # A lane of states is low, and many of them can be scrolled.
+        row_shares=[1.0, 1.0, *[1.0] * len(variables), min(0.9 + 0.35 * len(states(manifest)), 2.3), 1.0, 0.9],
     )
 
 

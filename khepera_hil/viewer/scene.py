@@ -34,8 +34,8 @@ _WAY = np.column_stack([np.cos(_AIM), np.sin(_AIM)])
 # Where the eight sensors sit and look, counter-clockwise from ahead: the KiKS simulator's geometry, which
 # tables measured on real robots bear out.
 
-MARKED = {"base": 3.0, "mover": 7.0, "lamp": 8.0, "flame": 8.0}
-"""Kinds of things whose names stand beside them, and how far up each is drawn; all others are at 6."""
+MARKED = {"mover": 7.0, "lamp": 8.0, "flame": 8.0}
+"""Kinds of things whose names stand beside them, and how far up each is drawn; the base is at 3, others at 6."""
 
 LOW = 0.05
 """Height (m) below which a thing is drawn darker."""
@@ -101,7 +101,7 @@ class Scene:
         look: dict[str, Any] = {
             "labels": [name if mark else f"{name}, {1000 * height:.0f} mm high"],
             "show_labels": mark,
-            "draw_order": MARKED.get(kind, 6.0),
+            "draw_order": {"base": 3.0, **MARKED}.get(kind, 6.0),
         }
         colour = colours.shape(kind, bool(shape.get("movable")))
         # What the lamp is seen over is darker than what hides it.
@@ -120,6 +120,10 @@ class Scene:
             strips, radii=1.15 * half, colors=colours.packed(fill), draw_order=look["draw_order"] - 1
         )
         _log(stream, f"{path}/filling", inside)
+        if kind == "base":  # its lamp stands in its middle, and so would its name
+            at = [[0, 0.2 * points[:, 1].min() + 0.8 * points[:, 1].max()]]
+            name_only = rr.Points2D(at, radii=0.0, colors=colours.packed(colour), labels=["base"], show_labels=True)
+            _log(stream, f"{path}/name", name_only)
 
     def write(self, tick: Tick, stamp: Stamp) -> None:
         """Keep one tick's rows."""
