@@ -121,6 +121,8 @@ class _Near(NamedTuple):
     """The first columns of both, to be met by rays: shapes (6, n, 1) and (3, n, 1)."""
     reflectance: Array
     """Of all edges, then of all discs."""
+    outline: Array
+    """Of these too: whose it is, its place on the outline, its own turn, its length (a disc's: for each radian)."""
 
 
 class Hits(NamedTuple):
@@ -218,14 +220,10 @@ class Scene:
 
         Of no meaning where nothing was hit.
         """
-        edges, discs = hits.near.edges, hits.near.discs
-        whose = np.concatenate([edges[:, 7], discs[:, 4]])
-        begin = np.concatenate([edges[:, 8], np.zeros(len(discs))])
-        turn = np.concatenate([np.zeros(len(edges)), discs[:, 5]])
-        scale = np.concatenate([edges[:, 9], discs[:, 2]])
-        row = hits.row
-        along = np.where(row < len(edges), hits.along, (hits.along - turn[row]) % (2 * math.pi))
-        return whose[row].astype(np.intp), begin[row] + along * scale[row]
+        whose, begin, turn, scale = hits.near.outline[:, hits.row]
+        round_ = hits.row >= len(hits.near.edges)
+        along = np.where(round_, (hits.along - turn) % (2 * math.pi), hits.along)
+        return whose.astype(np.intp), begin + along * scale
 
     def _neighbourhood(self, poses: Sequence[Pose], farthest: float, reach: float) -> _Near:
         """All that rays of ``reach`` may meet which start ``farthest`` from any place near the poses."""
@@ -276,6 +274,12 @@ class Scene:
             np.ascontiguousarray(straight.T[:6, :, None]),
             np.ascontiguousarray(round_.T[:3, :, None]),
             np.concatenate([straight[:, 6], round_[:, 3]]),
+            np.concatenate(
+                [
+                    np.column_stack([straight[:, 7], straight[:, 8], 0 * straight[:, 8], straight[:, 9]]),
+                    np.column_stack([round_[:, 4], 0 * round_[:, 4], round_[:, 5], round_[:, 2]]),
+                ]
+            ).T,
         )
         return self._near
 
