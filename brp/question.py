@@ -217,9 +217,7 @@ class Question(Form):
         dropped = (without,) if isinstance(without, Variable | str) else tuple(without)
         foreign = [v for v in dropped if v not in self.known]
         if foreign:
-            raise QuestionError(
-                f"{self.name} does not know the variable {text(map(repr, foreign))}, and cannot be asked without it"
-            )
+            raise QuestionError(f"{self.name} does not know {text(foreign)}, and cannot be asked without it")
         if (rule is None) == (not dropped):
             raise QuestionError(
                 f"where {self.name} is impossible wants one rule: a form, or without= and a variable"

@@ -121,7 +121,7 @@ TRUTH: Any = A == 1
             "given 3, which is no form",
         ),
         (lambda: asked.where_impossible(THREE), QuestionError, "a form, and not 3"),
-        (lambda: asked.where_impossible(without=MISSPELT), QuestionError, "the variable 'A'"),
+        (lambda: asked.where_impossible(without=MISSPELT), QuestionError, "does not know A"),
         (lambda: asked.description.ask(P(A | B), largest=16), TooLarge, "24 bytes, more than the 16 bytes"),
         (lambda: tree(asked.description, NO_TERM), QuestionError, "wants a term"),
         (lambda: tree(asked.description, P(A | B), {"A": 1}), EvidenceError, "must be told B, and not A"),
