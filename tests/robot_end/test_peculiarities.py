@@ -45,15 +45,16 @@ def test_each_robots_wheels_differ_always_alike_and_slip_at_random() -> None:
     for seed in range(40):
         there = world(at=(200, 500, 0), seed=seed)
         there.set_speed(10 * SPEED_UNIT_MM_S, 10 * SPEED_UNIT_MM_S)
-        there.advance(4.0)
-        halfway = there.pose()[2]
-        there.advance(8.0)
-        turned.append((halfway, there.pose()[2] - halfway))
+        headings = []
+        for now in (1.0, 4.5, 8.0):
+            there.advance(now)
+            headings.append(there.pose()[2])
+        turned.append(np.diff(headings))
     first, second = np.array(turned).T
-    # A per cent of difference in diameter: 0.01 * sqrt(2) * 333 mm of way over 53 mm between the wheels.
-    assert np.std(second) == pytest.approx(0.01 * math.sqrt(2) * 333 / 53, rel=0.35)
-    assert np.corrcoef(first, second)[0, 1] > 0.95  # the systematic part is the same in both halves
-    assert np.std(first - second) > 0.001  # and the random part is not
+    # A per cent of difference in diameter: 0.01 * sqrt(2) * 292 mm of way over 53 mm between the wheels.
+    assert np.std(second) == pytest.approx(0.01 * math.sqrt(2) * 292 / 53, rel=0.35)
+    assert np.corrcoef(first, second)[0, 1] > 0.9  # the systematic part is the same in both halves
+    assert np.std(first - second) > 0.005  # and the random part is not
 
 
 def test_what_reflects_less_is_seen_less() -> None:
