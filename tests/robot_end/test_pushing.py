@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +9,8 @@ import pytest
 from khepera_hil.motion import MAX_SPEED
 from khepera_hil.units import SPEED_UNIT_MM_S
 from khepera_hil.world import World
-from khepera_hil.world.shapes import BODY_RADIUS, Pose, Shape, disc, gap
+from khepera_hil.world.shapes import BODY_RADIUS, Pose, disc, gap
+from tests.robot_end.bodies import closer
 
 _SUNK = 0.25  # mm on every side, so that half a millimetre is never passed
 
@@ -36,14 +36,6 @@ def world(form: str, mass: float, folder: Path) -> World:
     return World(str(path), 1)
 
 
-def smaller(shape: Shape) -> Shape:
-    """Less on every side, corners at most by the double of it."""
-    reach = max((math.hypot(*corner) for corner in shape.corners), default=shape.radius)
-    share = 1 - _SUNK / reach
-    parts = tuple(tuple((x * share, y * share) for x, y in part) for part in shape.convex)
-    return replace(shape, corners=parts[0] if parts else (), parts=parts, radius=shape.radius * share)
-
-
 def seen(there: World, seconds: float) -> Iterator[dict[str, Pose]]:
     """Where everything is, mm, every 20 ms."""
     for look in range(1, round(seconds / 0.02) + 1):
@@ -65,7 +57,7 @@ def test_what_is_rammed_at_full_speed_goes_or_stays_and_sinks_into_nothing(
     for poses in seen(there, 2.0):
         robot, there_now = disc("robot", "robot", BODY_RADIUS - _SUNK, poses["robot"], 29), poses["thing"]
         moved = max(moved, math.dist(there_now[:2], thing.pose[:2]))
-        thing_now = smaller(thing).at(there_now)
+        thing_now = closer(thing, _SUNK).at(there_now)
         assert gap(robot, thing_now) > 0
         assert all(gap(robot, wall) > 0 and gap(thing_now, wall) > 0 for wall in walls)
     assert least <= moved <= most
