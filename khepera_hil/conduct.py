@@ -79,6 +79,7 @@ class Conduct:
     def _act(self, tick: Tick, decision: Decision) -> RobotError | None:
         tick.evidence, tick.clipped = dict(decision.evidence), dict(decision.clipped)
         tick.u, tick.draws = dict(decision.u), dict(decision.draws)
+        tick.events.extend(decision.events)
         tick.answers = {key: self._answer(key, given) for key, given in decision.answers.items()}
         try:
             tick.command = self._wheels.move(decision.left, decision.right)

@@ -19,8 +19,15 @@ class Terminal:
     ten seconds of the robot's time. Events are lines of their own in both.
     """
 
-    def __init__(self, out: TextIO, program: str, *, now: Callable[[], float] = time.monotonic) -> None:
-        self._out, self._program, self._now = out, program, now
+    def __init__(
+        self,
+        out: TextIO,
+        program: str,
+        *,
+        note: Callable[[], str] = lambda: "",
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._out, self._program, self._note, self._now = out, program, note, now
         self._live = out.isatty()
         self._shown_at = -1.0
         self._last = ""
@@ -63,8 +70,9 @@ class Terminal:
             or "nothing drawn"
         )
         sent = "none" if tick.command is None else "{} {}".format(*tick.command)
+        note = self._note()
         return (
-            f"{tick.t:8.1f} s  {self._program}: {known} -> {drawn}, wheels {sent}"
+            f"{tick.t:8.1f} s  {self._program}: {known} -> {drawn}, wheels {sent}{' | ' if note else ''}{note}"
             f" | late {tick.late_ms:.1f} ms, missed {self._missed}"
         )
 
