@@ -4,8 +4,8 @@ from __future__ import annotations
 
 __all__ = ["Battery"]
 
-# The manuals give four NiCd cells of 180 mAh and about 45 minutes, which these currents make 47 with the wheels at 10
-# units; the currents themselves, and all that follows, are proposed.
+# The manuals give four NiCd cells of 180 mAh and about 45 minutes, which these currents make 47 with the wheels at
+# 10 units; the currents themselves, and all that follows, are proposed.
 _CAPACITY = 180.0  # mAh
 _ELECTRONICS = 90.0  # mA
 _CAMERA = 60.0

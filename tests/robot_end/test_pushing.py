@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from khepera_hil.motion import MAX_SPEED
-from khepera_hil.units import SPEED_UNIT_MM_S
+from khepera_hil.units import MAX_SPEED, SPEED_UNIT_MM_S
 from khepera_hil.world import World
 from khepera_hil.world.shapes import BODY_RADIUS, Pose, disc, gap
 from tests.robot_end.bodies import closer
