@@ -334,7 +334,8 @@ class Link:
     def _look_for_boot_text(self, chunk: bytes) -> None:
         seen = self._seam + chunk
         self._seam = seen[1 - _LONGEST_MARK :]
-        marks = sum(seen.count(mark) for mark in BOOT_MARKS)
+        title, mode = BOOT_MARKS
+        marks = seen.count(title) + seen.count(mode)
         if marks:
             self._seam = b""
             self.counters.boot_texts += 1

@@ -30,6 +30,7 @@ class Sight:
     def __init__(self, witness: Witness | None) -> None:
         self._witness = witness
         self._told: dict[str, Pose] = {}
+        self._seen: dict[str, Pose] = {}  # the same, not rounded
 
     def note(self, tick: Tick) -> None:
         """Fill ``tick.pose`` and ``tick.moved``."""
@@ -37,8 +38,11 @@ class Sight:
             return
         tick.pose = _rounded(self._witness.pose())
         for name, pose in self._witness.poses().items():
+            if name == "robot" or self._seen.get(name) == pose:
+                continue
+            self._seen[name] = pose
             seen = _rounded(pose)
-            if name != "robot" and self._told.get(name) != seen:
+            if self._told.get(name) != seen:
                 self._told[name] = tick.moved[name] = seen
 
 
