@@ -212,6 +212,7 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.errors",
         "numpy",
         "rerun",
+        "rerun_bindings",
         "pyarrow",
     },
     "khepera_hil.terminal": {"khepera_hil.recording"},

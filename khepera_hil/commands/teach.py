@@ -26,14 +26,12 @@ from khepera_hil.teaching.dataset import TICK, DataSet
 from khepera_hil.teaching.hand import Hand
 from khepera_hil.teaching.joystick import open_joystick
 from khepera_hil.teaching.keyboard import HELP, Keyboard
-from khepera_hil.teaching.lesson import BEHAVIORS, Lesson, Tick
+from khepera_hil.teaching.lesson import BEHAVIORS, WORLDS, Lesson, Tick
 from khepera_hil.teaching.scripted import LATE, SHAKE, STEADY, Scripted
 
 __all__ = ["main"]
 
 TEACHERS = ("joystick", "keyboard", "scripted")
-WORLDS = {"push": "push", "follow": "post", "follow-left": "post", "avoid": "pen", "phototaxy": "lamp"}
-"""Where each behavior is taught on the emulator, unless told otherwise."""
 
 EPILOG = """\
 examples:

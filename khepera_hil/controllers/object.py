@@ -42,7 +42,7 @@ class Recogniser:
         for row in setting.met:
             self._learn({variable.name: row[variable.name] for variable in (O, *_TOUR)})
         self._obstacle, self._tour = Obstacle(), Tour()
-        self._alone = _LOST
+        self._alone = 0
         follow = (setting.taught or following).ask(without(P(Vrot | Prox, Dir), setting.unknown))
         self._known = [(variable.keyword, variable.name) for variable in follow.known]
         self.questions: dict[str, Question] = {"Vrot": follow, "O": self._recognise()}

@@ -17,7 +17,7 @@ from brp.programs.obstacle import Dir, Prox, Vrot, following, obstacle
 from khepera_hil.experiments import drives
 from khepera_hil.experiments.arenas import OBJECTS
 from khepera_hil.experiments.campaign import Case, Result
-from khepera_hil.experiments.experiment import Experiment, Report
+from khepera_hil.experiments.experiment import Experiment, Report, no_cases, no_trial
 from khepera_hil.experiments.figures import Figure, counted, mean, rate, share
 from khepera_hil.experiments.picture import Chart
 from khepera_hil.experiments.show import charts_shown
@@ -265,14 +265,6 @@ def _lesson6_show(folder: Path) -> list[Path]:
     return charts_shown(folder, "lesson6", "Opposite questions on the same descriptions", charts)
 
 
-def _nothing(seeds: Sequence[int]) -> list[Case]:
-    return []
-
-
-def _never(case: Case) -> Result:
-    raise AssertionError("there are no cases")
-
-
 EXPERIMENTS = (
     Experiment(
         "lesson2",
@@ -286,8 +278,8 @@ EXPERIMENTS = (
         "lesson6",
         "opposite questions on the same descriptions",
         "6.4",
-        _nothing,
-        _never,
+        no_cases,
+        no_trial,
         _lesson6_report,
         _lesson6_show,
     ),

@@ -18,7 +18,7 @@ from khepera_hil.controllers.fusion import Fusion
 from khepera_hil.experiments.arenas import lamp_somewhere, written
 from khepera_hil.experiments.campaign import Case, Result
 from khepera_hil.experiments.drives import generator
-from khepera_hil.experiments.experiment import Experiment, Report
+from khepera_hil.experiments.experiment import Experiment, Report, no_cases, no_trial
 from khepera_hil.experiments.figures import Figure, counted, mean, rate, share
 from khepera_hil.experiments.picture import Chart
 from khepera_hil.experiments.show import charts_shown, run_shown
@@ -65,11 +65,7 @@ def _errors(
         if not first <= tick.t < last:
             continue
         bearing, far = _bearing(tick, place)
-        answers = [answer for name, answer in tick.answers.items() if name.startswith(key)]
-        if key == "Theta2":
-            answers = [
-                answer for name, answer in tick.answers.items() if name != "Theta2 scaled" and name != "Vrot"
-            ]
+        answers = [tick.answers[name] for name in tick.answers if name == key or name.startswith(f"{key} without")]
         if answers and _NEAR <= far <= _FAR:
             errors.append(_apart(float(Theta2.numbers[int(answers[0].p.argmax())]), bearing))
     return errors
@@ -191,14 +187,6 @@ def _fusion_show(folder: Path) -> list[Path]:
 
 
 # Figures 5 and 6, lessons 3 and 5.
-
-
-def _nothing(seeds: Sequence[int]) -> list[Case]:
-    return []
-
-
-def _never(case: Case) -> Result:
-    raise AssertionError("there are no cases")
 
 
 def _fig5_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
@@ -331,7 +319,7 @@ def _lesson5_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
 
 
 EXPERIMENTS = (
-    Experiment("fig5", "the sensor model K(Theta2, 0)", "6.2", _nothing, _never, _fig5_report, _fig5_show),
+    Experiment("fig5", "the sensor model K(Theta2, 0)", "6.2", no_cases, no_trial, _fig5_report, _fig5_show),
     Experiment(
         "fusion",
         "where a lamp is, with sound and broken sensors, which are named",
@@ -341,8 +329,8 @@ EXPERIMENTS = (
         _fusion_report,
         _fusion_show,
     ),
-    Experiment("fig6", "eight poor sensors and their fusion", "6.4", _nothing, _never, _fig6_report, _fig6_show),
-    Experiment("lesson3", "the sizes of the joint and of its terms", "6.4", _nothing, _never, _lesson3_report),
+    Experiment("fig6", "eight poor sensors and their fusion", "6.4", no_cases, no_trial, _fig6_report, _fig6_show),
+    Experiment("lesson3", "the sizes of the joint and of its terms", "6.4", no_cases, no_trial, _lesson3_report),
     Experiment(
         "lesson5", "fusion by 1, 2, 4 and 8 sensors", "6.4", _lesson5_cases, _lesson5_trial, _lesson5_report
     ),

@@ -17,7 +17,7 @@ from khepera_hil.controllers.base import Reactive
 from khepera_hil.experiments.arenas import pocket, written
 from khepera_hil.experiments.campaign import Case, Result
 from khepera_hil.experiments.drives import generator, lesson
-from khepera_hil.experiments.experiment import Experiment, Report
+from khepera_hil.experiments.experiment import Experiment, Report, no_cases, no_trial
 from khepera_hil.experiments.figures import counted, mean, share
 from khepera_hil.experiments.picture import Chart
 from khepera_hil.experiments.show import charts_shown, run_shown
@@ -133,14 +133,6 @@ def _lesson7_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
 
 def _home_show(folder: Path) -> list[Path]:
     return run_shown(folder, PROGRAMS["home"].make(), world="furnished", seed=8, seconds=40)
-
-
-def _nothing(seeds: Sequence[int]) -> list[Case]:
-    return []
-
-
-def _never(case: Case) -> Result:
-    raise AssertionError("there are no cases")
 
 
 def _lessons(seed: int) -> list[dict[str, Any]]:
@@ -273,8 +265,8 @@ EXPERIMENTS = (
         "fig8",
         "homing from above",
         "7.5",
-        _nothing,
-        _never,
+        no_cases,
+        no_trial,
         lambda cases, results: Report([], ["  a picture and a recording; its figures are those of home"]),
         _home_show,
     ),
@@ -282,8 +274,8 @@ EXPERIMENTS = (
         "fig9",
         "close to an object at the left, the light at the left: it turns right",
         "7.5",
-        _nothing,
-        _never,
+        no_cases,
+        no_trial,
         lambda cases, results: _figure9(NOW_NEAR, ">= 0.9", "turns right"),
         lambda folder: _figure9_shown(folder, "fig9", NOW_NEAR, "Figure 9: close to an object on the left"),
     ),
@@ -291,8 +283,8 @@ EXPERIMENTS = (
         "fig10",
         "further from the object: it may turn left, to the light",
         "7.5",
-        _nothing,
-        _never,
+        no_cases,
+        no_trial,
         lambda cases, results: _figure9(NOW_FAR, "<= 0.5", "may turn left despite the obstacle"),
         lambda folder: _figure9_shown(folder, "fig10", NOW_FAR, "Figure 10: further from the object on the left"),
     ),

@@ -16,7 +16,7 @@ from khepera_hil.controllers.object import Recogniser
 from khepera_hil.experiments.arenas import OBJECTS, beside, written
 from khepera_hil.experiments.campaign import Case, Result
 from khepera_hil.experiments.drives import generator
-from khepera_hil.experiments.experiment import Experiment, Report
+from khepera_hil.experiments.experiment import Experiment, Report, no_cases, no_trial
 from khepera_hil.experiments.figures import counted, mean, share
 from khepera_hil.experiments.picture import superposed
 from khepera_hil.experiments.show import run_shown
@@ -206,14 +206,6 @@ def _fig11_show(folder: Path) -> list[Path]:
     return [path]
 
 
-def _nothing(seeds: Sequence[int]) -> list[Case]:
-    return []
-
-
-def _never(case: Case) -> Result:
-    raise AssertionError("there are no cases")
-
-
 def _pictured(cases: Sequence[Case], results: Sequence[Result]) -> Report:
     return Report([], ["  a picture; its figures are those of follow (figure 4) and table1 (figure 11)"])
 
@@ -224,8 +216,8 @@ def _fig11_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
 
 
 EXPERIMENTS = (
-    Experiment("fig4", "contour following from above", "5.5", _nothing, _never, _pictured, _fig4_show),
-    Experiment("fig11", "the fifteen objects", "8.5", _nothing, _never, _fig11_report, _fig11_show),
+    Experiment("fig4", "contour following from above", "5.5", no_cases, no_trial, _pictured, _fig4_show),
+    Experiment("fig11", "the fifteen objects", "8.5", no_cases, no_trial, _fig11_report, _fig11_show),
     Experiment(
         "table1",
         "fifteen objects five times each, in random order: new, or known",

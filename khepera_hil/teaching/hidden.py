@@ -6,9 +6,6 @@ known; how the teacher weighs them at each Prox is not, and expectation and maxi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +16,7 @@ from brp.programs.obstacle import avoid as avoid_by_hand
 from brp.programs.obstacle import obstacle
 from brp.programs.phototaxy import phototaxy1 as phototaxy_by_hand
 from brp.programs.phototaxy import pi_phototaxy1
+from brp.samples import Data
 
 __all__ = ["learnt_home", "weights"]
 
@@ -40,14 +38,13 @@ def _specification(by_hand: bool) -> Specification:
     )
 
 
-def learnt_home(rows: Sequence[Mapping[str, Any]], *, by_hand: bool = False) -> Description:
-    """pi-home with P(H | Prox) identified from rows of Dir, Prox, Theta1 and Vrot.
+def learnt_home(samples: Data, *, by_hand: bool = False) -> Description:
+    """pi-home with P(H | Prox) identified from columns or rows of Dir, Prox, Theta1 and Vrot.
 
     The two behaviors are those that were taught; or, ``by_hand``, the tables that `brp.programs` has.
     """
-    names = [v.name for v in (Dir, Prox, Theta1, Vrot)]
-    columns = {name: [row[name] for row in rows] for name in names}
-    return identify_hidden(_specification(by_hand), columns, name="delta-home").description
+    # Whatever else the samples have (a raw reading, a tick) is no variable of pi-home and left alone.
+    return identify_hidden(_specification(by_hand), samples, name="delta-home").description
 
 
 def weights(description: Description) -> NDArray[np.float64]:

@@ -117,6 +117,16 @@ def test_every_mistake_is_one_sentence(tmp_path: Path, words: list[str], said: s
     assert not list(tmp_path.glob("*.json"))
 
 
+def test_the_weight_of_avoidance_is_learnt_from_homing_by_hand(tmp_path: Path) -> None:
+    """P(H | Prox), and H is in no datum: far from things the light leads, close to them avoidance counts more."""
+    lesson(tmp_path, "--duration", "60", "--seed", "3", behavior="home")
+    done = khepera_hil("identify", "home", "--data", "one.json", "--out", "d.json", "--json", cwd=tmp_path)
+    assert done.code == 0, done.err
+    cells = done.result["terms"]["P(H | Prox)"]["cells"]
+    assert sum(cell["count"] for cell in cells) == 600
+    assert cells[0]["avoidance"] < 0.3 < cells[15]["avoidance"]
+
+
 def test_a_data_set_is_not_overwritten_by_accident(tmp_path: Path) -> None:
     lesson(tmp_path)
     before = (tmp_path / "one.json").read_bytes()
