@@ -201,7 +201,16 @@ def _written(port: int) -> str | None:
 def main(fd: int, limit: float) -> None:
     """Be the guard at this descriptor of the pipe."""
     # A Ctrl-C, a closed terminal, a manager that ends us with the service: none of them may come first.
-    for which in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP, signal.SIGPIPE):
+    # SIGABRT is what a manager's watchdog ends a whole group by.
+    for which in (
+        signal.SIGINT,
+        signal.SIGQUIT,
+        signal.SIGTSTP,
+        signal.SIGTERM,
+        signal.SIGHUP,
+        signal.SIGABRT,
+        signal.SIGPIPE,
+    ):
         signal.signal(which, signal.SIG_IGN)
     # Above a service with --realtime, or one in an endless loop on a single core would keep us from running.
     # We wake for some microseconds at each beat. Where it is not allowed, the ordinary class must do.

@@ -237,11 +237,11 @@ def test_a_port_that_is_gone_is_told_and_nothing_worse(process: Process, tmp_pat
     assert said["error"]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP])
-def test_no_signal_of_a_terminal_or_a_manager_takes_it_down(process: Process, line: Line, number: int) -> None:
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP", "SIGABRT"])
+def test_no_signal_of_a_terminal_or_a_manager_takes_it_down(process: Process, line: Line, number: str) -> None:
     process.watch(line.slave)
     process.moving()
-    os.kill(process.pid, number)
+    os.kill(process.pid, signal.Signals[number])
     process.beat()
     die(process)
     assert line.heard(len(BOTH)) == BOTH

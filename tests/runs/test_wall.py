@@ -22,9 +22,9 @@ import serial
 
 from tests.runs.cli import environment, khepera_hil, start
 
-CALM = ("--period", "0.5")
-"""A tick that makes the guard patient (0.8 s), so that the loop, which beats while it waits, may be held up: the
-tests share two cores."""
+CALM = ("--period", "1")
+"""A tick that makes the guard patient (1.3 s): the tests share two cores, on which the loop may be held up. It
+beats while it waits, so nearly all of that is room."""
 LONG = 60.0
 
 
@@ -65,7 +65,7 @@ def test_the_same_program_drives_the_emulator_over_a_pty(tmp_path: Path) -> None
         done = khepera_hil("--port", tmp_path / "khepera", *CALM, "--duration", "6", "--json", cwd=tmp_path)
         assert done.code == 0, done.err
         result = done.result
-        assert 0 < result["ticks"] + result["missed"] <= 12
+        assert 0 < result["ticks"] + result["missed"] <= 6
         assert result["score"] == {}
         assert result["stop"] == "duration"
         ticks = [json.loads(line) for line in (tmp_path / result["run"] / "ticks.jsonl").read_text().splitlines()]
@@ -183,8 +183,7 @@ def test_a_terminal_that_goes_leaves_the_run_alone_and_an_order_ends_it(tmp_path
         run = the_run(tmp_path)
         eventually(lambda: any("SIGHUP" in text for tick in ticks(run) for _, text in tick["events"]))
         heard = next(n for n, tick in enumerate(ticks(run)) if any("SIGHUP" in text for _, text in tick["events"]))
-        eventually(lambda: len(ticks(run)) > heard + 2)
-        assert ticks(run)[-1]["command"]
+        eventually(lambda: any(tick["command"] for tick in ticks(run)[heard + 1 :]))
         assert process.poll() is None
         done = khepera_hil("order", "stop", cwd=tmp_path)
         assert done.code == 0, done.err
@@ -223,7 +222,7 @@ def test_a_run_that_is_killed_or_held_up_leaves_wheels_that_stand_still(tmp_path
         try:
             line_with(process, "wheels")
             run = the_run(tmp_path)
-            eventually(lambda: len(ticks(run)) > 3)
+            eventually(lambda: len(ticks(run)) > 2)
             process.send_signal(number)
             left = run / "guard.jsonl"
             eventually(lambda: left.exists() and left.read_text().endswith("\n"))
@@ -252,7 +251,7 @@ def test_an_emulator_that_dies_and_comes_back_is_found_and_waits_for_the_order_t
         try:
             line_with(process, "wheels")
             run = the_run(tmp_path)
-            eventually(lambda: len(ticks(run)) > 4)
+            eventually(lambda: len(ticks(run)) > 2)
             first.terminate()
             first.wait(LONG)
             eventually(lambda: ticks(run)[-1]["state"] == "disconnected")
