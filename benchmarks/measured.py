@@ -14,11 +14,12 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
+from khepera_hil.world.lights import Lamp
 from khepera_hil.world.scene import Scene
-from khepera_hil.world.sensors import GAIN_SPREAD, POINTINGS, Lamp, Sensors
+from khepera_hil.world.sensors import GAIN_SPREAD, POINTINGS, SENSOR_HEIGHT, Sensors
 from khepera_hil.world.shapes import Shape, box, disc
 
-__all__ = ["CYLINDER", "LIGHT", "WALL", "light_rms", "proximity_rms"]
+__all__ = ["CYLINDER", "LIGHT", "WALL", "light", "light_rms", "printed", "proximity", "proximity_rms", "rms"]
 
 _BODY = 27.5
 _BACKGROUND = 2.6
@@ -71,47 +72,82 @@ LIGHT = {
     513: (482, 485, 485, 489, 491, 495, 497, 496, 500),
 }
 _LIGHT_BEARINGS = (0, 15, 30, 45, 60, 75, 90, 135, 180)
-_LAMP = Lamp("bulb", 0.0, 0.0, height=51.5, intensity=1.22)
+_LAMP = Lamp("bulb", 0.0, 0.0, height=45.9, intensity=1.13)  # as fitted
 
 _QUANTILES = [NormalDist().inv_cdf((place + 0.5) / 8) for place in range(8)]
-_HERE = (0.0, 0.0, 0.0)
+_HERE = [(0.0, 0.0, 0.0)]
 
 
-def proximity_rms() -> float:
-    """Root of the mean squared error of the emulator's proximity, counts of 1023, over all cells of both tables.
+Cells = dict[int, list[tuple[float, float]]]
+"""By distance (mm): measured and emulated value of each column, in counts."""
+
+
+def proximity() -> dict[str, Cells]:
+    """Proximity at the wall and at the cylinder, counts of 1023.
 
     A cell is the mean over eight sensors and both sides, without noise. The gains are spread as a robot's
     are (quantiles of the distribution that they are drawn from); a sensor's own peak is where it looks
     strongest at a wall 21 mm away.
     """
-    sensors = Sensors(np.exp(GAIN_SPREAD * np.array(_QUANTILES)), np.zeros(8), ())
+    sensors = Sensors(np.exp(GAIN_SPREAD * np.array(_QUANTILES)), np.zeros(8))
     degrees = np.arange(-180.0, 180.0)
-    near = np.array([sensors.proximity(Scene([_wall(21, bearing)]), _HERE) for bearing in degrees])
+    near = np.array([sensors.proximity(_seen(_wall(21, bearing)), _HERE) for bearing in degrees])
     peaks = degrees[near.argmax(0)]
-    errors = [
-        _proximity(sensors, peaks, make, distance, 10.0 * column) - measured
-        for table, make in ((WALL, _wall), (CYLINDER, _cylinder))
-        for distance, row in table.items()
-        for column, measured in enumerate(row)
-    ]
-    return math.sqrt(np.square(errors).mean())
+    return {
+        name: {
+            distance: [
+                (measured, _proximity(sensors, peaks, make, distance, 10.0 * column))
+                for column, measured in enumerate(row)
+            ]
+            for distance, row in table.items()
+        }
+        for name, table, make in (("wall", WALL, _wall), ("cylinder", CYLINDER, _cylinder))
+    }
+
+
+def light() -> dict[str, Cells]:
+    """The same for ambient light, counts of 511."""
+    cells = {
+        distance: [
+            (float(measured), _light(distance, bearing))
+            for bearing, measured in zip(_LIGHT_BEARINGS, row, strict=True)
+        ]
+        for distance, row in LIGHT.items()
+    }
+    return {"lamp": cells}
+
+
+def rms(tables: dict[str, Cells]) -> float:
+    """Root of the mean squared error over all cells of the tables, counts."""
+    pairs = np.array([pair for cells in tables.values() for row in cells.values() for pair in row])
+    return math.sqrt(np.square(pairs[:, 1] - pairs[:, 0]).mean())
+
+
+def proximity_rms() -> float:
+    """:func:`rms` of :func:`proximity`."""
+    return rms(proximity())
 
 
 def light_rms() -> float:
-    """The same for ambient light, counts of 511."""
-    errors = [
-        _light(distance, bearing) - measured
-        for distance, row in LIGHT.items()
-        for bearing, measured in zip(_LIGHT_BEARINGS, row, strict=True)
-    ]
-    return math.sqrt(np.square(errors).mean())
+    """:func:`rms` of :func:`light`."""
+    return rms(light())
+
+
+def printed(tables: dict[str, Cells]) -> str:
+    """Cell by cell: emulated less measured, then the root of the mean squared error."""
+    lines = []
+    for name, cells in tables.items():
+        lines.append(f"{name}: emulated less measured; rows mm, columns degrees as in benchmarks/measured.py")
+        for distance, row in cells.items():
+            lines.append(f"{distance:>6} " + " ".join(f"{emulated - told:+7.1f}" for told, emulated in row))
+    return "\n".join([*lines, f"root mean square {rms(tables):.2f}"])
 
 
 def _proximity(
     sensors: Sensors, peaks: NDArray[np.float64], make: Callable[[float, float], Shape], distance: float, off: float
 ) -> float:
     values = [
-        sensors.proximity(Scene([make(distance, peaks[sensor] + side * off)]), _HERE)[sensor]
+        sensors.proximity(_seen(make(distance, peaks[sensor] + side * off)), _HERE)[sensor]
         for sensor in range(8)
         for side in (-1, 1)
     ]
@@ -123,9 +159,14 @@ def _light(distance: float, off: float) -> float:
     for sensor, pointing in enumerate(POINTINGS):
         for side in (-1, 1):
             x, y = _place(_BODY + distance, math.degrees(pointing) + side * off)
-            sensors = Sensors(np.ones(8), np.zeros(8), [replace(_LAMP, x=x, y=y)])
-            values.append(sensors.light(Scene([]), _HERE)[sensor])
+            lamp = replace(_LAMP, x=x, y=y)
+            sensors = Sensors(np.ones(8), np.zeros(8))
+            values.append(sensors.light(_seen(), _HERE, [(lamp, lamp.intensity)])[sensor])
     return float(np.mean(values))
+
+
+def _seen(*shapes: Shape) -> Scene:
+    return Scene(shapes, SENSOR_HEIGHT)
 
 
 def _place(distance: float, bearing: float) -> tuple[float, float]:

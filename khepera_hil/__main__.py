@@ -41,12 +41,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _main(words: list[str]) -> int:
-    from khepera_hil.commands import COMMANDS, run  # late: an interrupt during the imports is no traceback
+    from khepera_hil.commands import COMMANDS, command  # late: an interrupt during the imports is no traceback
 
-    command = run.main
-    if words and words[0] in COMMANDS:
-        command = COMMANDS[words.pop(0)].main
-    code = command(words)
+    name = words.pop(0) if words and words[0] in COMMANDS else "run"
+    code = command(name).main(words)
     if sys.stdout is not None:
         sys.stdout.flush()
     return code

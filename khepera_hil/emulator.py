@@ -1,93 +1,86 @@
-"""The robot's end of the protocol: bytes in, bytes out at the wire's pace, a world behind them.
+"""The robot's end of the line: bytes in, bytes out at the wire's pace, a robot in its world behind them.
 
 No I/O, no thread, no clock of its own: every method is told what time it is (seconds since power-up), and
 time never goes back. Who carries the bytes is none of its business: ``ports`` does it inside the process,
-``serve`` over a pseudo-terminal.
+``serve`` over a pseudo-terminal or TCP. What the robot says is ``rom``'s.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from khepera_hil.errors import UsageError
-from khepera_hil.protocol import (
-    BAUD_RATES,
-    COMMAND_NOT_FOUND,
-    COMMANDS,
-    ENCODER_PULSES_PER_MM,
-    SPEED_UNIT_MM_S,
-    RequestLines,
-    RequestRefused,
-    encode_answer,
-    parse_request,
-)
+from khepera_hil.protocol import RequestLines
+from khepera_hil.rom import KHEPERA, Rom, model_for
+from khepera_hil.rom.fitted import DEFAULT_FITTINGS
 from khepera_hil.uart import Fifo, Line
-from khepera_hil.world import World
+from khepera_hil.world import Reset, World
+from khepera_hil.world.world import STEP
 
 __all__ = ["BOOT_TEXT", "VERSIONS", "Emulator"]
 
-BOOT_TEXT = (
-    b"ROM of minirobot KHEPERA, Edoardo Franzi K-Team S.A. October 22, 1998 Rev. 5.01\r\n"
-    b"Serial Communication Protocol\r\n"
-)
-"""What a Khepera prints when it is switched on in a serial mode (K-Team's Khepera FAQ)."""
+BOOT_TEXT = KHEPERA.boot
+"""What a Khepera prints when it is switched on in a serial mode."""
 
-VERSIONS = ("5.01", "5.00")
-"""Of the BIOS and of the protocol, as a real robot answered B."""
+VERSIONS = KHEPERA.versions
+"""Of the BIOS and of the protocol, as a Khepera answers B."""
 
 _WAITING_REQUESTS = 4096
 """Requests that the robot keeps while it is still answering earlier ones; what comes on top of them is lost.
 No manual names a limit."""
 
-_SPEED_MODE = 0  # command K's second value: 0 speed, 1 position, 2 PWM
-
-Value = int | str
+_LINE_ENDS = b"\r\n"
 
 
 class Emulator:
     """A Khepera on its cable.
 
-    ``baud`` is the robot's own rate (its mode jumpers), ``host_baud`` the rate of the other end, by default
-    the same; where they differ, bytes arrive garbled both ways. ``fifo`` is the number of characters that the
-    host's UART collects before its driver sees them (1: each at once; see :class:`~khepera_hil.uart.Fifo`).
+    ``baud`` is the rate of the robot's mode (its jumpers), to which each start brings it back; ``robot`` a name of
+    :data:`~khepera_hil.rom.MODELS`, by default a Khepera where it has the rate; ``turrets`` names of
+    :data:`~khepera_hil.rom.FITTINGS`.
+
+    ``host_baud`` is the rate of the other end, by default the same; where the two differ, bytes arrive garbled both
+    ways. ``host_follows``: the other end has no rate of its own and is always at the robot's. ``fifo`` is the
+    number of characters that the host's UART collects before its driver sees them (1: each at once; see
+    :class:`~khepera_hil.uart.Fifo`). ``on_request`` is told each request with its moment, for a log.
 
     A request counts when the last bit of its CR or LF has arrived, and it is taken up when the answer before
     it has left; so requests may be sent ahead and are answered in order. The command itself takes no time:
     nothing published says how long the robot needs.
 
-    Raises :class:`~khepera_hil.errors.UsageError` for a rate that no Khepera has.
+    Raises :class:`~khepera_hil.errors.UsageError` for a robot, a rate or a turret that there is not.
     """
 
-    def __init__(self, world: World, baud: int, *, host_baud: int | None = None, fifo: int = 1) -> None:
-        if baud not in BAUD_RATES:
-            rates = ", ".join(map(str, BAUD_RATES))
-            raise UsageError(f"no Khepera talks at {baud} baud; choose one of {rates}")
+    def __init__(
+        self,
+        world: World,
+        baud: int,
+        *,
+        host_baud: int | None = None,
+        host_follows: bool = False,
+        fifo: int = 1,
+        robot: str | None = None,
+        turrets: Sequence[str] = DEFAULT_FITTINGS,
+        on_request: Callable[[float, bytes], None] | None = None,
+    ) -> None:
         self.world = world
+        self.model = model_for(robot, baud)
         self.baud = baud
+        """The robot's rate now."""
+        self._mode_baud = baud
+        self._host_follows = host_follows
+        self._on_request = on_request
+        self._rom = Rom(world, self.model, turrets)
         self._to_robot = Line(host_baud or baud, baud)
         self._to_host = Line(baud, host_baud or baud)
         self._fifo = Fifo(fifo)
         self._lines = RequestLines()
         self._waiting: deque[tuple[float, bytes]] = deque()
-        self._leds = [0, 0]
-        self._counters_at_zero = [0, 0]
-        self._speed_command = (0, 0)
-        self._answers: dict[str, Callable[..., tuple[Value, ...]]] = {
-            "B": lambda: VERSIONS,
-            "D": self._set_speed,
-            "E": self._measured_speeds,
-            "G": self._set_counters,
-            "H": self._counters,
-            "K": self._motion_status,
-            "L": self._change_led,
-            "N": lambda: tuple(self.world.proximity()),
-            "O": lambda: tuple(self.world.light()),
-        }
+        self._reset_at = self._next_reset()
         self._now = -1.0
         """Until when everything has happened; earlier than any time when there is something new."""
-        self._to_host.send(BOOT_TEXT, 0.0)
+        self._to_host.send(self.model.boot, 0.0)
 
     @property
     def host_baud(self) -> int:
@@ -103,7 +96,7 @@ class Emulator:
     @property
     def leds(self) -> tuple[int, int]:
         """LED 0 (lateral) and 1 (front): 1 is on."""
-        return self._leds[0], self._leds[1]
+        return self._rom.leds[0], self._rom.leds[1]
 
     def receive(self, data: bytes, now: float) -> None:
         """The host puts ``data`` on the wire, behind what it has not sent yet."""
@@ -124,15 +117,25 @@ class Emulator:
         if now == self._now:
             return
         self._now = now
-        for moment, byte in self._to_robot.arrived(now):
-            for line in self._lines.feed(bytes((byte,))):
-                if line and len(self._waiting) < _WAITING_REQUESTS:
-                    self._waiting.append((moment, line))
-        while self._waiting and (moment := self._next_answer()) <= now:
-            self.world.advance(moment)
-            self._to_host.send(self._answer(self._waiting.popleft()[1]), moment)
+        while True:
+            answer = self._next_answer()
+            alarm = self._next_alarm()
+            first = min(answer, alarm)
+            if self._hear(min(first, now)):
+                continue  # with one line more, which may be due before all others
+            if first > now:
+                break
+            self.world.advance(first)
+            if first == self._reset_at:
+                self._restart(first)
+                self.world.due(Reset)
+                self._reset_at = self._next_reset()
+            elif first == alarm:
+                self._rom.act(first)
+            else:
+                self._answer(self._waiting.popleft()[1], first)
         self.world.advance(now)
-        for moment, byte in self._to_host.certain(now):
+        for moment, byte in self._to_host.certain(now, before=self._reset_at):
             self._fifo.put(moment, byte, self.host_baud)
 
     def transmitted(self, now: float) -> bytes:
@@ -147,67 +150,63 @@ class Emulator:
         """
         moments = [
             self._next_answer() if self._waiting else None,
-            self._to_robot.next_arrival(b"\r\n"),
+            self._to_robot.next_arrival(_LINE_ENDS),
             self._to_host.next_arrival(),
             self._fifo.next_show(),
+            self._reset_at if self._reset_at < math.inf else None,
         ]
         return min((moment for moment in moments if moment is not None), default=None)
 
+    def _hear(self, until: float) -> bool:
+        """Take in the bytes that arrive until a moment, up to the first line's end: whether there were any."""
+        heard = self._to_robot.arrived(until, _LINE_ENDS)
+        for moment, byte in heard:
+            for line in self._lines.feed(bytes((byte,))):
+                if line and len(self._waiting) < _WAITING_REQUESTS:
+                    self._waiting.append((moment, line))
+        return bool(heard)
+
     def _next_answer(self) -> float:
-        return max(self._waiting[0][0], self._to_host.free)
+        return max(self._waiting[0][0], self._to_host.free) if self._waiting else math.inf
 
-    def _answer(self, line: bytes) -> bytes:
-        try:
-            request = parse_request(line)
-        except RequestRefused as refused:
-            # A letter whose command is not built in is refused below, whatever comes after it.
-            if line.strip()[:1].decode("ascii", "replace") in COMMANDS.keys() - self._answers.keys():
-                return COMMAND_NOT_FOUND
-            return refused.reply
-        if request is None:
-            return b""
-        letter, values = request
-        if letter not in self._answers:
-            return COMMAND_NOT_FOUND
-        return encode_answer(letter, *self._answers[letter](*values))
+    def _next_alarm(self) -> float:
+        """When the robot next does something that no line asked for."""
+        due = self._rom.due
+        return self._reset_at if due is None else min(due, self._reset_at)
 
-    def _set_speed(self, left: int, right: int) -> tuple[Value, ...]:
-        self._speed_command = (left, right)
-        self.world.set_speed(left * SPEED_UNIT_MM_S, right * SPEED_UNIT_MM_S)
-        return ()
+    def _next_reset(self) -> float:
+        """The end of the world's step in which the scenario resets the robot."""
+        at = self.world.next_due(Reset)
+        if at is None:
+            return math.inf
+        step = math.ceil(at / STEP - 1e-9)
+        return (step if step * STEP >= at else step + 1) * STEP
 
-    def _measured_speeds(self) -> tuple[Value, ...]:
-        """Pulses in the last whole 10 ms, as the robot counts them."""
-        before, after = self.world.wheel_window()
-        speeds = [_pulses(new) - _pulses(old) for old, new in zip(before, after, strict=True)]
-        return tuple(max(-255, min(255, speed)) for speed in speeds)
+    def _answer(self, line: bytes, moment: float) -> None:
+        if self._on_request is not None:
+            self._on_request(moment, line)
+        reply = self._rom.answer(line, moment)
+        if reply.restart:
+            self._restart(moment)
+        if reply.rate is not None:
+            self._change_rate(reply.rate, moment)
+        self._to_host.send(reply.text, moment)
 
-    def _set_counters(self, *values: int) -> tuple[Value, ...]:
-        self._counters_at_zero = [
-            _pulses(way) - value for way, value in zip(self.world.wheel_travel(), values, strict=True)
-        ]
-        return ()
+    def _restart(self, moment: float) -> None:
+        """Everything is as after power-up but the world; what the robot was saying breaks off."""
+        self._rom.reset()
+        self._waiting.clear()
+        self._lines = RequestLines()
+        self._to_host.clear(moment)
+        self._change_rate(self._mode_baud, moment)
+        self._to_host.send(self.model.boot, moment)
 
-    def _counters(self) -> tuple[Value, ...]:
-        """32-bit counters that wrap around."""
-        return tuple(
-            (_pulses(way) - zero + 2**31) % 2**32 - 2**31
-            for way, zero in zip(self.world.wheel_travel(), self._counters_at_zero, strict=True)
-        )
-
-    def _motion_status(self) -> tuple[Value, ...]:
-        """In speed mode the error is the speed asked for less the measured one, and 0 means on target."""
-        status: list[Value] = []
-        for asked, measured in zip(self._speed_command, self._measured_speeds(), strict=True):
-            error = asked - int(measured)
-            status += [int(error == 0), _SPEED_MODE, error]
-        return tuple(status)
-
-    def _change_led(self, led: int, action: int) -> tuple[Value, ...]:
-        self._leds[led] = action if action < 2 else 1 - self._leds[led]
-        return ()
-
-
-def _pulses(way: float) -> int:
-    """Whole pulses of a wheel's way in mm."""
-    return math.floor(way * ENCODER_PULSES_PER_MM)
+    def _change_rate(self, baud: int, moment: float) -> None:
+        if baud == self.baud:
+            return
+        self.baud = baud
+        self._to_host.sender = baud
+        if self._host_follows:
+            self._to_robot.sender = self._to_robot.receiver = self._to_host.receiver = baud
+        else:
+            self._to_robot.listen(baud, moment)

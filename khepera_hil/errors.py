@@ -12,7 +12,8 @@
     |   `-- Implausible            4  what was read twice does not agree, or cannot be after what was read before
     |-- WireTooSlow                5  what a tick needs does not fit into the period at this baud rate
     |-- WorldError                 2  an arena that cannot be read or furnished
-    |-- RecordingError             6  the run's folder cannot be written
+    |-- RecordingError             6  the run's folder cannot be written, or read back
+    |-- ViewerError                1  the viewer is not there, or cannot draw here
     `-- ProtocolError              1  bytes that are not in the protocol's grammar (raised by ``protocol`` only)
 
 ``__main__`` turns each of them into one sentence on standard error and its ``exit_code``; nothing else
@@ -34,6 +35,7 @@ __all__ = [
     "RobotError",
     "RobotReset",
     "UsageError",
+    "ViewerError",
     "WireTooSlow",
     "WorldError",
 ]
@@ -106,6 +108,10 @@ class RecordingError(KheperaHilError):
     """The run's folder cannot be written, or read back."""
 
     exit_code = 6
+
+
+class ViewerError(KheperaHilError):
+    """The viewer is not installed, or cannot draw here."""
 
 
 class ProtocolError(KheperaHilError):

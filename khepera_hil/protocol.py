@@ -10,11 +10,11 @@ notion of the protocol. Every function raises :class:`~khepera_hil.errors.Protoc
 
 from __future__ import annotations
 
-import operator
 import re
-from dataclasses import dataclass
 
 from khepera_hil.errors import ProtocolError
+from khepera_hil.fields import PROTOCOL_ERROR, Command, Field, RequestRefused, in_range, read_answer, read_request
+from khepera_hil.units import ENCODER_PULSES_PER_MM, MAX_SPEED, SPEED_UNIT_MM_S
 
 __all__ = [
     "BAUD_RATES",
@@ -28,7 +28,6 @@ __all__ = [
     "MAX_SPEED",
     "PROTOCOL_ERROR",
     "SPEED_UNIT_MM_S",
-    "TURRET_ABSENT",
     "Command",
     "Field",
     "RequestLines",
@@ -40,16 +39,6 @@ __all__ = [
     "parse_request",
     "wire_seconds",
 ]
-
-ENCODER_PULSES_PER_MM = 12.0
-"""600 pulses and 50 mm a wheel's turn. The manual also says 0.08 mm a pulse, which is 12.5: it contradicts
-itself by 4 % (appendix A, command H, against chapter 3)."""
-
-SPEED_UNIT_MM_S = 100.0 / ENCODER_PULSES_PER_MM
-"""One unit of command D: 1 pulse in 10 ms (the manual's "8 mm/s")."""
-
-MAX_SPEED = 127
-"""Command D's limit, "about 1 m/s"."""
 
 BAUD_RATES = (9600, 19200, 38400, 57600, 115200)
 """The rates of the mode jumpers (section 3.1.3); the last two on a Khepera II only."""
@@ -63,59 +52,10 @@ LONGEST_LINE = 128
 # What the robot says when it does not understand. "Command not found" was seen from a real robot; the others
 # come from simulators and descendants of its ROM: the manuals print none.
 COMMAND_NOT_FOUND = b"Command not found\r\n"
-PROTOCOL_ERROR = b"z,Protocol error\r\n"
 LED_ABSENT = b"z,This LED does not exist.\r\n"
 LED_ACTION = b"z,This LED action is not possible.\r\n"
-TURRET_ABSENT = b"z,Turret order not supported\r\n"
 
 _INT32 = 2**31
-
-
-@dataclass(frozen=True)
-class Field:
-    """One integer parameter: its name, its range (both ends included), its unit, and who complains about it."""
-
-    name: str
-    low: int
-    high: int
-    unit: str = ""
-    refusal: bytes = PROTOCOL_ERROR
-
-    @property
-    def widest(self) -> int:
-        """Characters of the longest number in the range."""
-        return max(len(str(self.low)), len(str(self.high)))
-
-
-@dataclass(frozen=True)
-class Command:
-    """One line of the manual's appendix A.
-
-    ``form`` is ``"numbers"``, or the one way in which a command departs from lists of integers: ``"versions"``
-    (B answers two texts such as 5.01) or ``"turret"`` (T's parameters belong to the turret).
-    """
-
-    letter: str
-    title: str
-    request: tuple[Field, ...] = ()
-    answer: tuple[Field, ...] = ()
-    form: str = "numbers"
-
-    @property
-    def longest_answer(self) -> int:
-        """Characters of the longest answer, CR LF included: what a deadline must allow for."""
-        if self.form == "versions":
-            return 1 + 2 * len(",99.99 beta") + 2
-        if self.form == "turret":
-            return 1 + len(",31,n") + 64 * len(",255") + 2  # the longest known: 64 pixels of the K213
-        return 1 + sum(1 + field.widest for field in self.answer) + 2
-
-    @property
-    def longest_request(self) -> int:
-        """Characters of the longest request, its terminator included."""
-        if self.form == "turret":
-            return len("T,31,E,255\n")  # the longest that a known turret takes; its grammar would allow 128
-        return 1 + sum(1 + field.widest for field in self.request) + 1
 
 
 def _wheels(kind: str, low: int, high: int, unit: str) -> tuple[Field, Field]:
@@ -167,20 +107,10 @@ COMMANDS: dict[str, Command] = {
     )
 }
 
-_REQUEST_NUMBER = re.compile(r"-?[0-9]{1,12}\Z")
-_ANSWER_NUMBER = re.compile(r"(0|-?[1-9][0-9]{0,10})\Z")  # no plus, no padding, no minus zero
 # A Khepera answers 5.02; what a Khepera II answers is printed nowhere, its boot text says "6.01 beta".
 _VERSION = re.compile(r"[0-9]{1,2}\.[0-9]{1,2}( [a-z]{1,4})?\Z")
 _TURRET_REQUEST = re.compile(r"[A-Z](,[!-+\--~]+)*\Z")  # a letter, then printable parameters
 _TURRET_ANSWER = re.compile(r"[a-z](,[!-+\--~]+)*\Z")
-
-
-class RequestRefused(ProtocolError):
-    """What the robot's end cannot take; ``reply`` is what it answers."""
-
-    def __init__(self, reply: bytes, why: str) -> None:
-        super().__init__(why)
-        self.reply = reply
 
 
 def wire_seconds(characters: int, baud: int) -> float:
@@ -197,11 +127,11 @@ def encode_request(letter: str, *values: int | str) -> bytes:
     if command.form == "turret":
         if len(values) != 2 or not isinstance(values[1], str) or not _TURRET_REQUEST.match(values[1]):
             raise ProtocolError("T takes a turret's number and that turret's command, such as 2 and 'N'")
-        line = f"T,{_in_range(letter, command.request, values[:1])[0]},{values[1]}\n".encode("ascii")
+        line = f"T,{in_range(letter, command.request, values[:1])[0]},{values[1]}\n".encode("ascii")
         if len(line) > LONGEST_LINE + 1:
             raise ProtocolError(f"the robot takes no line of more than {LONGEST_LINE} characters")
         return line
-    return ",".join([letter, *map(str, _in_range(letter, command.request, values))]).encode("ascii") + b"\n"
+    return ",".join([letter, *map(str, in_range(letter, command.request, values))]).encode("ascii") + b"\n"
 
 
 def parse_request(line: bytes) -> tuple[str, tuple[int | str, ...]] | None:
@@ -228,18 +158,7 @@ def parse_request(line: bytes) -> tuple[str, tuple[int | str, ...]] | None:
         words = words[:1]
         if not _TURRET_REQUEST.match(tail[0]):
             raise RequestRefused(PROTOCOL_ERROR, "T without a turret's command")
-    if len(words) != len(command.request):
-        raise RequestRefused(PROTOCOL_ERROR, f"{letter} takes {len(command.request)} parameters, not {len(words)}")
-    values: list[int] = []
-    for word, field in zip(words, command.request, strict=True):
-        if not _REQUEST_NUMBER.match(word):
-            raise RequestRefused(PROTOCOL_ERROR, f"{letter}'s {field.name} is no integer")
-        value = int(word)
-        if not field.low <= value <= field.high:
-            raise RequestRefused(
-                field.refusal, f"{letter}'s {field.name} is {value}, outside {field.low}..{field.high}"
-            )
-        values.append(value)
+    values = read_request(letter, command.request, words)
     return letter, (*values, *tail)
 
 
@@ -251,7 +170,7 @@ def encode_answer(letter: str, *values: int | str) -> bytes:
     """
     command = _command(letter)
     if command.form == "numbers":
-        words = [str(value) for value in _in_range(letter, command.answer, values)]
+        words = [str(value) for value in in_range(letter, command.answer, values)]
     elif command.form == "versions":
         words = [value for value in values if isinstance(value, str) and _VERSION.match(value)]
         if len(words) != len(values) or len(words) != 2:
@@ -259,7 +178,7 @@ def encode_answer(letter: str, *values: int | str) -> bytes:
     else:
         if len(values) != 2 or not isinstance(values[1], str) or not _TURRET_ANSWER.match(values[1]):
             raise ProtocolError("T answers the turret's number and what the turret says, such as 2 and 'o,31'")
-        words = [str(*_in_range(letter, command.answer, values[:1])), values[1]]
+        words = [str(*in_range(letter, command.answer, values[:1])), values[1]]
     return ",".join([letter.lower(), *words]).encode("ascii") + b"\r\n"
 
 
@@ -288,16 +207,7 @@ def parse_answer(letter: str, line: bytes) -> tuple[int | str, ...]:
         words = words[:1]
         if not _TURRET_ANSWER.match(tail[0]):
             raise ProtocolError(f"T answers the turret's number and what it says, got {line[:60]!r}")
-    if len(words) != len(command.answer):
-        raise ProtocolError(f"{letter} answers {len(command.answer)} values, got {len(words)}: {line[:60]!r}")
-    values: list[int] = []
-    for word, field in zip(words, command.answer, strict=True):
-        if not _ANSWER_NUMBER.match(word):
-            raise ProtocolError(f"{letter}'s {field.name} is no plain integer: {line[:60]!r}")
-        value = int(word)
-        if not field.low <= value <= field.high:
-            raise ProtocolError(f"{letter}'s {field.name} is {value}, outside {field.low}..{field.high}")
-        values.append(value)
+    values = read_answer(letter, command.answer, words, line[:60])
     return (*values, *tail)
 
 
@@ -333,20 +243,3 @@ def _command(letter: str) -> Command:
         return COMMANDS[letter]
     except (KeyError, TypeError):
         raise ProtocolError(f"no command is named {letter!r}; there are {' '.join(COMMANDS)}") from None
-
-
-def _in_range(letter: str, fields: tuple[Field, ...], values: tuple[int | str, ...]) -> list[int]:
-    if len(values) != len(fields):
-        raise ProtocolError(f"{letter} takes {len(fields)} values, not {len(values)}")
-    numbers: list[int] = []
-    for value, field in zip(values, fields, strict=True):
-        if isinstance(value, bool):
-            raise ProtocolError(f"{letter}'s {field.name} must be an integer, not {value!r}")
-        try:
-            number = operator.index(value)  # type: ignore[arg-type]  # a text ends in the TypeError
-        except TypeError:
-            raise ProtocolError(f"{letter}'s {field.name} must be an integer, not {value!r}") from None
-        if not field.low <= number <= field.high:
-            raise ProtocolError(f"{letter}'s {field.name} is {number}, outside {field.low}..{field.high}")
-        numbers.append(number)
-    return numbers

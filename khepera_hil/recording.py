@@ -4,17 +4,19 @@
 
 * ``manifest.json``: program, seed, versions, the questions with their variables and values, the arena, and at
   the end how the run ended; it is replaced as a whole, so there is always a readable one;
-* ``ticks.jsonl``: the log, one JSON object a line. A tick is acknowledged when :meth:`Recording.write` has
-  returned: its line was handed to the kernel by one unbuffered ``os.write``, and a killed process loses none.
-  It is not forced to the disk: a power cut may cost the last seconds.
+* ``ticks.jsonl``: the log, one JSON object a line, and when it is large ``ticks-0001.jsonl``, ``ticks-0002.jsonl``
+  ... after it. A tick is acknowledged when :meth:`Recording.write` has returned: its line was handed to the kernel
+  by one unbuffered ``os.write``, and a killed process loses none. It is not forced to the disk: a power cut may
+  cost the last seconds.
 
 Everything else (the viewer's file, live views) is derived and hangs behind the log as a :class:`Listener`.
-Reading back parses JSON and nothing else: nothing in a folder is ever executed or unpickled.
+``reading`` is the way back.
 
 The log's columns, one object a tick: ``tick`` (how many came before), ``t`` (s of robot time since the start),
 ``missed`` (deadlines skipped just before), ``raw`` (command letter -> the robot's answer), ``orders`` (of the
 operator), ``evidence``, ``clipped`` (variable -> how often perception clipped it), ``answers`` (key of a
-question -> hash of its probabilities), ``u`` (the uniform number behind each draw), ``draws``, ``command``
+question -> hash of its probabilities), ``sketch`` (the same -> one number made of them, see :meth:`Answer.sketch`),
+``u`` (the uniform number behind each draw), ``draws``, ``command``
 (left, right in pulse/10 ms as the robot acknowledged them, or null), ``pose`` (x m, y m, theta rad, or null),
 ``moved`` (movable shapes whose pose changed), ``events`` (level, text), ``late_ms``, ``work_ms``, ``wall``
 (s since 1970).
@@ -23,16 +25,17 @@ question -> hash of its probabilities), ``u`` (the uniform number behind each dr
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import hashlib
 import importlib.metadata
 import json
-import math
 import os
 import platform
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -43,6 +46,7 @@ from khepera_hil import __version__
 from khepera_hil.errors import RecordingError
 
 __all__ = [
+    "FORMAT",
     "HOST_COLUMNS",
     "LOG",
     "MANIFEST",
@@ -52,12 +56,14 @@ __all__ = [
     "Recording",
     "Tick",
     "Value",
-    "read_manifest",
-    "read_ticks",
+    "log_file",
 ]
 
 MANIFEST = "manifest.json"
 LOG = "ticks.jsonl"
+
+SEGMENT = 32 << 20
+"""Bytes of one file of the log; an hour at 10 Hz takes some 20 MB."""
 
 FORMAT = 1
 """Version of the folder's layout; a reader refuses a newer one."""
@@ -90,6 +96,21 @@ class Answer:
     def digest(self) -> str:
         """BLAKE2b, 8 bytes in hex, of the probabilities as little-endian float64 in C order."""
         return hashlib.blake2b(np.ascontiguousarray(self.p, "<f8").tobytes(), digest_size=8).hexdigest()
+
+    def sketch(self) -> float:
+        """One number that tells how far apart two distributions are whose hashes differ.
+
+        The sum of ``p[i] * w[i]`` in C order with ``w[i] = 2 * ((i + 1) * golden mod 1) - 1``, golden = 0.618...:
+        no further apart than the distributions' absolute differences in sum, and alike only by rare chance where
+        those are not.
+        """
+        return float(self.p.ravel() @ _weights(self.p.size))
+
+
+@lru_cache(maxsize=64)
+def _weights(size: int) -> NDArray[np.float64]:
+    weights: NDArray[np.float64] = 2 * (np.arange(1, size + 1) * 0.6180339887498949 % 1) - 1
+    return weights
 
 
 @dataclass(slots=True)
@@ -129,6 +150,7 @@ class Tick:
             "evidence": self.evidence,
             "clipped": self.clipped,
             "answers": {key: answer.digest() for key, answer in self.answers.items()},
+            "sketch": {key: _short(answer.sketch(), 12) for key, answer in self.answers.items()},
             "u": self.u,  # exact: a replay draws with it again
             "draws": self.draws,
             "command": self.command,
@@ -148,34 +170,6 @@ class Tick:
                 f"which is no JSON ({error})"
             ) from None
 
-    @classmethod
-    def from_row(cls, row: Mapping[str, Any]) -> Tick:
-        """The tick of a log's row. Its probabilities are not in the log, so ``answers`` is empty.
-
-        Raises RecordingError when a column is missing or of another kind.
-        """
-        try:
-            return cls(
-                tick=int(row["tick"]),
-                t=float(row["t"]),
-                missed=int(row["missed"]),
-                raw={str(k): str(v) for k, v in row["raw"].items()},
-                orders=[str(order) for order in row["orders"]],
-                evidence={str(k): _value(v) for k, v in row["evidence"].items()},
-                clipped={str(k): int(v) for k, v in row["clipped"].items()},
-                u={str(k): float(v) for k, v in row["u"].items()},
-                draws={str(k): _value(v) for k, v in row["draws"].items()},
-                command=None if row["command"] is None else (int(row["command"][0]), int(row["command"][1])),
-                events=[(str(level), str(text)) for level, text in row["events"]],
-                late_ms=float(row["late_ms"]),
-                work_ms=float(row["work_ms"]),
-                wall=float(row["wall"]),
-                pose=None if row["pose"] is None else _pose(row["pose"]),
-                moved={str(k): _pose(v) for k, v in row["moved"].items()},
-            )
-        except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
-            raise RecordingError(f"tick {row.get('tick')!r} of the log is damaged: {error!r}") from None
-
 
 class Listener(Protocol):
     """Who hears of every tick after it was logged. A listener never raises and never holds the loop's clock up."""
@@ -190,20 +184,31 @@ class Listener(Protocol):
 class Recording:
     """The open folder of a run that is going on. Made by :meth:`create`; one thread writes."""
 
-    def __init__(self, folder: Path, manifest: dict[str, Any], log: int) -> None:
+    def __init__(self, folder: Path, manifest: dict[str, Any], log: int, segment: int = SEGMENT) -> None:
         self.folder = folder
         self.manifest = manifest
         self._log: int | None = log
+        self._files = [log]
+        self._segment = segment
+        self._room = segment
         self._listeners: list[Listener] = []
 
     @classmethod
     def create(
-        cls, runs_dir: Path | str, *, program: str, seed: int, manifest: Mapping[str, Any], started: datetime
+        cls,
+        runs_dir: Path | str,
+        *,
+        program: str,
+        seed: int,
+        manifest: Mapping[str, Any],
+        started: datetime,
+        segment: int = SEGMENT,
     ) -> Recording:
         """Make the folder, its manifest and its empty log; never overwrite (``-2``, ``-3`` ... when taken).
 
         ``manifest`` is what the caller knows (questions, arena, port, period, data); program, seed, start,
-        versions and host are added. Raises RecordingError when the folder cannot be made.
+        versions and host are added. A file of the log takes ``segment`` bytes. Raises RecordingError when the
+        folder cannot be made.
         """
         whole: dict[str, Any] = {
             "program": program,
@@ -221,13 +226,15 @@ class Recording:
             folder = _new_folder(Path(runs_dir), name)
             whole = {"format": FORMAT, "run": folder.name, **whole}
             _replace(folder / MANIFEST, whole)
-            log = os.open(folder / LOG, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o644)
+            log = _new_file(folder / LOG)
         except OSError as error:
             raise RecordingError(
                 f"the run's folder cannot be made in {runs_dir}: {error.strerror or error}; "
                 "choose a folder that can be written with --runs"
             ) from None
-        return cls(folder, whole, log)
+        with contextlib.suppress(OSError):  # where files cannot be locked nobody can see that the run goes on
+            fcntl.flock(log, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return cls(folder, whole, log, segment)
 
     def follow(self, listener: Listener) -> None:
         """Let ``listener`` hear of every tick from now on."""
@@ -241,10 +248,13 @@ class Recording:
         if self._log is None:
             raise RecordingError(f"the recording {self.folder} is closed")
         line = tick.line()
+        if len(line) > self._room:
+            self._next_file()
         try:
             taken = os.write(self._log, line)
         except OSError as error:
             raise self._unwritten(tick, error.strerror or str(error)) from None
+        self._room -= taken
         if taken != len(line):
             with contextlib.suppress(OSError):
                 os.ftruncate(self._log, os.fstat(self._log).st_size - taken)
@@ -260,10 +270,11 @@ class Recording:
         """
         if self._log is None:
             return []
-        log, self._log = self._log, None
-        with contextlib.suppress(OSError):  # a file that cannot be synced is as written as it will be
-            os.fsync(log)
-        os.close(log)
+        self._log = None
+        for log in self._files:
+            with contextlib.suppress(OSError):  # a file that cannot be synced is as written as it will be
+                os.fsync(log)
+            os.close(log)
         losses = [sentence for listener in self._listeners for sentence in listener.close()]
         self.manifest["ending"] = {**ending, "losses": losses}
         try:
@@ -274,6 +285,15 @@ class Recording:
             ) from None
         return losses
 
+    def _next_file(self) -> None:
+        """Go on in a new file. Where there can be none the old one goes on: no tick is lost for tidiness."""
+        self._room = self._segment
+        with contextlib.suppress(OSError):
+            log = _new_file(self.folder / log_file(len(self._files)))
+            # The full one stays open: it is synced at the end, when nobody waits for it.
+            self._files.append(log)
+            self._log = log
+
     def _unwritten(self, tick: Tick, why: str) -> RecordingError:
         return RecordingError(
             f"tick {tick.tick} cannot be written to {self.folder / LOG}: {why}; "
@@ -281,45 +301,13 @@ class Recording:
         )
 
 
-def read_manifest(folder: Path | str) -> dict[str, Any]:
-    """The manifest of a run's folder. Raises RecordingError when there is none, or it is not one of ours."""
-    path = Path(folder) / MANIFEST
-    try:
-        manifest = _load(path.read_bytes())
-    except FileNotFoundError:
-        raise RecordingError(f"{folder} is not a run's folder: there is no {MANIFEST} in it") from None
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror or error}") from None
-    except (ValueError, RecursionError) as error:
-        raise RecordingError(f"{path} is damaged: {error}") from None
-    if not isinstance(manifest, dict) or not isinstance(manifest.get("format"), int):
-        raise RecordingError(f"{path} is not the manifest of a run")
-    if manifest["format"] > FORMAT:
-        raise RecordingError(
-            f"{path} has format {manifest['format']}, newer than {FORMAT}: use a newer khepera-hil"
-        )
-    return manifest
+def log_file(number: int) -> str:
+    """The name of the log's files, counted from 0."""
+    return LOG if number == 0 else f"ticks-{number:04d}.jsonl"
 
 
-def read_ticks(folder: Path | str) -> Iterator[dict[str, Any]]:
-    """The log's rows, in order. A last line without its end, left by a killed process, was never acknowledged
-    and is passed over; anything else that is no tick raises RecordingError with file and line.
-    """
-    path = Path(folder) / LOG
-    try:
-        with path.open("rb") as log:
-            for number, line in enumerate(log, 1):
-                if not line.endswith(b"\n"):
-                    return
-                try:
-                    row = _load(line)
-                except (ValueError, RecursionError) as error:
-                    raise RecordingError(f"{path}, line {number} is damaged: {error}") from None
-                if not isinstance(row, dict) or not isinstance(row.get("tick"), int):
-                    raise RecordingError(f"{path}, line {number} is not a tick")
-                yield row
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror or error}") from None
+def _new_file(path: Path) -> int:
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o644)
 
 
 def _new_folder(parent: Path, name: str) -> Path:
@@ -378,32 +366,5 @@ def _is_json(value: object) -> bool:
     return True
 
 
-def _load(text: bytes) -> Any:
-    def refuse(constant: str) -> None:
-        raise ValueError(f"{constant} is not a number")
-
-    return json.loads(text.decode("utf-8"), parse_constant=refuse)
-
-
 def _short(value: float, digits: int) -> float:
     return round(float(value), digits)
-
-
-def _finite(value: Any) -> float:
-    number = float(value)
-    if not math.isfinite(number):
-        raise ValueError(f"{value!r} is not finite")
-    return number
-
-
-def _pose(value: Any) -> Pose:
-    x, y, theta = value
-    return _finite(x), _finite(y), _finite(theta)
-
-
-def _value(value: Any) -> Value:
-    if isinstance(value, (int, str)):
-        return value
-    if isinstance(value, float):
-        return _finite(value)
-    raise TypeError(f"{value!r} is neither a number nor a word")

@@ -115,6 +115,7 @@ class Service:
             {
                 "key": key,
                 "name": name,
+                "description": " ".join(self._controller.questions[key].names),
                 "variables": variables,
                 "values": values,
                 "main": key == self._controller.decides,

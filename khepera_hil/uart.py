@@ -5,6 +5,7 @@ A leaf without I/O and without a clock of its own: times are seconds and come in
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 from khepera_hil.protocol import BITS_PER_CHARACTER
@@ -58,22 +59,42 @@ class Line:
                 start += character
         self.free = start
 
-    def arrived(self, now: float) -> list[tuple[float, int]]:
-        """Take out each byte whose stop bits are over by ``now``, with the moment when they were."""
+    def listen(self, receiver: int, moment: float) -> None:
+        """From ``moment`` on the receiver takes what is on the line at another rate; until then at its old one."""
+        if self._frames:
+            self._sample(moment)
+        bit = 1 / self.receiver  # the sender's too, of what was to arrive without sampling
+        late = [(arrival, byte) for arrival, byte in self._ready if arrival > moment]
+        if late:
+            self._ready = deque(entry for entry in self._ready if entry[0] <= moment)
+            self._frames.extendleft(
+                (arrival - BITS_PER_CHARACTER * bit, byte, bit) for arrival, byte in reversed(late)
+            )
+            self._deaf_until = max(self._deaf_until, moment)
+        self.receiver = receiver
+
+    def arrived(self, now: float, until: bytes = b"") -> list[tuple[float, int]]:
+        """Take out each byte whose stop bits are over by ``now``, with the moment when they were.
+
+        With ``until``, not more than up to the first of these bytes.
+        """
         if self._frames:
             self._sample(now)
         taken = []
-        while self._ready and self._ready[0][0] <= now:
-            taken.append(self._ready.popleft())
+        ready = self._ready
+        while ready and ready[0][0] <= now:
+            entry = ready.popleft()
+            taken.append(entry)
+            if entry[1] in until:
+                break
         return taken
 
-    def certain(self, now: float) -> list[tuple[float, int]]:
-        """Take out each byte that nothing can change any more, also those that arrive later than ``now``."""
-        if self._frames:
-            return self.arrived(now)
-        taken = list(self._ready)
-        self._ready.clear()
-        return taken
+    def certain(self, now: float, before: float = math.inf) -> list[tuple[float, int]]:
+        """Take out each byte that nothing can change any more, also those that arrive later than ``now``.
+
+        ``before``: a moment at which the sender may be cut off, so that nothing later is certain.
+        """
+        return self.arrived(now if self._frames else before)
 
     def clear(self, now: float) -> None:
         """Forget what has not left yet; a character that is half out goes with it."""

@@ -1,12 +1,33 @@
 """The command line's commands, a module each. The main job, ``run``, needs no word."""
 
-from types import MappingProxyType
+from __future__ import annotations
 
-from khepera_hil.commands import emulate, identify, run, teach
+import importlib
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import cast
+
 from khepera_hil.commands.parser import Command
 
-__all__ = ["COMMANDS"]
+__all__ = ["COMMANDS", "command"]
 
-COMMANDS: MappingProxyType[str, Command] = MappingProxyType(
-    {"run": run, "emulate": emulate, "teach": teach, "identify": identify}
+COMMANDS: Mapping[str, str] = MappingProxyType(
+    {
+        "run": "run a program (what happens without a word)",
+        "emulate": "an emulated Khepera behind a pseudo-terminal, for any program",
+        "teach": "drive by joystick, keyboard or script, and keep what was done as a data set",
+        "identify": "what a program learns from data sets",
+        "runs": "list recorded runs",
+        "review": "open a recorded run in the viewer, or make a picture of it",
+        "replay": "ask a recorded run's questions again, or ask another program",
+        "compare": "tell two recorded runs apart",
+        "explain": "what spoke for and against a drawn value",
+        "export": "a run's ticks as columns (parquet, csv)",
+    }
 )
+"""What each does, in a line."""
+
+
+def command(name: str) -> Command:
+    """The module of a command; each is imported when it is asked for, since some need what takes long to import."""
+    return cast(Command, importlib.import_module(f"khepera_hil.commands.{name}"))

@@ -6,7 +6,6 @@ import argparse
 import json
 import os
 import secrets
-import shutil
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -36,26 +35,34 @@ from khepera_hil.recording import Listener, Recording, Tick
 from khepera_hil.service import Service
 from khepera_hil.terminal import Terminal
 from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
-from khepera_hil.world import arenas
+from khepera_hil.viewer.live import Address, address, open_live
+from khepera_hil.viewer.program import has_screen, program
+from khepera_hil.world import arenas, load_scenario, scenarios
 
 __all__ = ["main", "port_url", "run_on_robot"]
 
 DEFAULT_WORLD = "furnished"
+LOCAL = "127.0.0.1"
 _TERMINAL = "the terminal"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
 
 EPILOG = """\
 commands:
-  khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program (see its --help)
+  khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program
   khepera-hil teach ...     drive by joystick, keyboard or script, and keep what was done as a data set
   khepera-hil identify ...  what a program learns from data sets
   khepera-hil calibrate ... the light sensors, by turning before a lamp
   khepera-hil paper ...     the paper's experiments, sections 5 to 8
+  khepera-hil runs          list recorded runs
+  khepera-hil review RUN    open one in the viewer, or make a picture of it
+  khepera-hil replay RUN    ask its questions again, or ask another program on the same readings
+  khepera-hil compare RUN RUN, explain RUN, export RUN      (each has its --help)
 
 examples:
   khepera-hil --program home --duration 60                    on the emulated robot
   khepera-hil --port /dev/ttyS0 --program avoid               on a robot, until Ctrl-C
   khepera-hil --program home --fast --duration 120 --seed 3   simulated time, repeatable
+  khepera-hil --program avoid --serve                         with a page for browsers to look on
 
 exit codes: 0 ended well (duration, Ctrl-C, SIGTERM)  2 wrong arguments  3 port  4 robot  5 wire too slow
             6 recording  1 anything else
@@ -69,8 +76,9 @@ def main(arguments: Sequence[str]) -> int:
         _list()
         return 0
     existing_name("program", asked.program, list(PROGRAMS))
+    _live(asked)  # refused before anything is opened
     chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
-    url = port_url(asked.port, asked.world, fast=asked.fast, seed=chosen_seed)
+    url = port_url(asked.port, asked.world, asked.scenario, fast=asked.fast, seed=chosen_seed)
     setting = setting_of(asked)
     about = {"setting": {"unknown": list(setting.unknown), "data": asked.data}}
     run_on_robot(asked, chosen_seed, url, PROGRAMS[asked.program].make(setting), about)
@@ -113,6 +121,16 @@ def run_on_robot(
             _run(asked, chosen_seed, url, service, clock, witness, about, listener, note)
 
 
+def _live(asked: argparse.Namespace) -> Address | None:
+    """Where viewers of the running loop are served, if they are."""
+    view, serve = getattr(asked, "view", False), getattr(asked, "serve", None)  # lessons have no such flags
+    if view and not has_screen():
+        raise UsageError("there is no screen here to open the viewer on; --serve shows the run in a browser")
+    if not (view or serve):
+        return None
+    return address(serve or LOCAL)
+
+
 def _run(
     asked: argparse.Namespace,
     seed: int,
@@ -135,7 +153,7 @@ def _run(
         **about,
         "world": None
         if witness is None
-        else {"name": _world_of(url), "size": witness.size(), "shapes": witness.shapes()},
+        else {**_world_of(url), "size": witness.size(), "shapes": witness.shapes()},
     }
     recording = Recording.create(
         asked.runs, program=asked.program, seed=seed, manifest=manifest, started=datetime.now()
@@ -149,6 +167,11 @@ def _run(
         if listener is not None:
             recording.follow(listener)
         viewer.wait_until_open()
+        if (live := _live(asked)) is not None:
+            looking = partial(open_live, recording.manifest, live, page=bool(asked.serve), window=asked.view)
+            recording.follow(Follower(looking, name="the live view", waits=False))
+            if asked.serve:
+                print(f"look on at {live.page} or by: {_rerun()} {live.stream}")
         if sys.stdout is not None:  # nobody looks where it was closed
             sys.stdout.flush()
             recording.follow(Follower(Terminal(sys.stdout, asked.program, note=note), name=_TERMINAL, waits=False))
@@ -186,7 +209,7 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
     print(f"stopped ({ending['stop']}) after {ending['ticks']} ticks, {ending['missed']} deadlines missed")
     if ending["score"]:
         print("score: " + ", ".join(f"{name} {value}" for name, value in ending["score"].items()))
-    print(f"recorded in {recording.folder}; to look at it: {_rerun()} {recording.folder / FILE}")
+    print(f"recorded in {recording.folder}; to look at it: khepera-hil review {recording.folder}")
     if as_json:
         about = {name: recording.manifest[name] for name in ("program", "seed")}
         print(json.dumps({"run": str(recording.folder), **about, **ending}))
@@ -195,10 +218,8 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
 
 def _rerun() -> str:
     """How the viewer is called here: it is installed beside the interpreter, which may not be on the PATH."""
-    beside = Path(sys.executable).parent / "rerun"
-    if shutil.which("rerun") is None and beside.exists():
-        return os.path.relpath(beside) if beside.is_relative_to(Path.cwd()) else str(beside)
-    return "rerun"
+    path = Path(program())
+    return os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path)
 
 
 def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
@@ -207,13 +228,13 @@ def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
     return {name: None if value is None else round(1e3 * value, 3) for name, value in found.items()}
 
 
-def port_url(port: str, world: str | None, *, fast: bool, seed: int) -> str:
-    """What pyserial is asked to open. Only the in-process emulator has a world and a simulated clock."""
-    for flag, text in (("--port", port), ("--world", world)):
+def port_url(port: str, world: str | None, scenario: str | None = None, *, fast: bool, seed: int) -> str:
+    """What pyserial is asked to open. Only the in-process emulator has worlds, scenarios and a simulated clock."""
+    for flag, text in (("--port", port), ("--world", world), ("--scenario", scenario)):
         if text == "":
             raise UsageError(f"{flag} is empty; leave it out for the emulator in its usual arena")
     if port.partition(":")[0].lower() != "emulator":
-        for flag, given in (("--fast", fast), ("--world", world is not None)):
+        for flag, given in (("--fast", fast), ("--world", world is not None), ("--scenario", scenario is not None)):
             if given:
                 raise UsageError(f"{flag} goes with --port emulator only; {port} is a robot of its own")
         return port
@@ -221,20 +242,28 @@ def port_url(port: str, world: str | None, *, fast: bool, seed: int) -> str:
         parts = urlsplit(port if ":" in port else "emulator://")
     except ValueError:
         raise UsageError(f"--port {port} is no name of an emulator; write emulator://ARENA") from None
-    named = parts.netloc + parts.path
+    named = unquote(parts.netloc + parts.path)
     if world is not None and named and named != world:
         raise UsageError(f"--port {port} and --world {world} name two different worlds; leave one of them out")
     query = dict(parse_qsl(parts.query, keep_blank_values=True))
     for key, flag in (("seed", "--seed"), ("clock", "--fast")):
         if key in query:
             raise UsageError(f"{key} does not go into the port's name; say {flag}")
+    if scenario is not None and query.setdefault("scenario", scenario) != scenario:
+        raise UsageError(
+            f"--port {port} and --scenario {scenario} name two different scenarios; leave one of them out"
+        )
+    if not (where := world or named) and "scenario" in query:
+        where = load_scenario(query["scenario"]).world or ""
     query |= {"seed": str(seed), "clock": "simulated" if fast else "wall"}
-    return f"emulator://{quote(world) if world else named or DEFAULT_WORLD}?{urlencode(query)}"
+    return f"emulator://{quote(where or DEFAULT_WORLD)}?{urlencode(query)}"
 
 
-def _world_of(url: str) -> str:
+def _world_of(url: str) -> dict[str, str | None]:
+    """Name and scenario of the world that a URL is about."""
     parts = urlsplit(url)
-    return unquote(parts.netloc + parts.path)
+    query = dict(parse_qsl(parts.query))
+    return {"name": unquote(parts.netloc + parts.path), "scenario": query.get("scenario")}
 
 
 @contextmanager
@@ -261,10 +290,13 @@ def _signals(service: Service) -> Iterator[None]:
 def _list() -> None:
     print("programs (--program):")
     for name, program in PROGRAMS.items():
-        print(f"  {name:12} {program.about}")
+        print(f"  {name:13} {program.about}")
     print("arenas of the emulator (--world):")
     for name, looks in arenas().items():
-        print(f"  {name:12} {looks}")
+        print(f"  {name:13} {looks}")
+    print("scenarios of the emulator (--scenario):")
+    for name, happens in scenarios().items():
+        print(f"  {name:13} {happens}")
 
 
 def _parser() -> Parser:
@@ -293,7 +325,13 @@ def _parser() -> Parser:
     add(
         "--world",
         metavar="ARENA",
-        help=f"of the in-process emulator: a name of --list or a TOML file (default: {DEFAULT_WORLD})",
+        help=f"of the in-process emulator: a name of --list or a TOML file (default: {DEFAULT_WORLD}, "
+        "or what the scenario was made for)",
+    )
+    add(
+        "--scenario",
+        metavar="NAME",
+        help="what happens in the world of the in-process emulator: a name of --list or a TOML file",
     )
     add("--fast", action="store_true", help="simulated time, as quick as the machine can; in-process emulator only")
     add(
@@ -302,6 +340,14 @@ def _parser() -> Parser:
         help="read the sensors twice, and hold them to what the robot can have moved: for a line that loses bytes",
     )
     add("--runs", type=Path, default=Path("runs"), metavar="DIR", help="where recordings go (default: %(default)s)")
+    add("--view", action="store_true", help="open the viewer on the running loop")
+    add(
+        "--serve",
+        nargs="?",
+        const=LOCAL,
+        metavar="ADDRESS",
+        help="serve the running loop to browsers and viewers, at HOST or HOST:PORT (default: %(const)s)",
+    )
     add("--json", action="store_true", help="the last line on standard output is the result as one JSON object")
-    add("--list", action="store_true", help="list programs and arenas, and end")
+    add("--list", action="store_true", help="list programs, arenas and scenarios, and end")
     return parser

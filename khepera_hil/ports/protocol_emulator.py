@@ -1,8 +1,10 @@
-"""``emulator://ARENA?seed=N&clock=wall|simulated&baud=B``: a pyserial port with an emulated robot behind it.
+"""``emulator://ARENA?scenario=S&seed=N&clock=wall|simulated&baud=B``: a pyserial port, an emulated robot behind.
 
-ARENA is an arena's name or the path of a TOML file (``emulator:///home/me/arena.toml``), ``furnished`` when
-there is none; ``seed`` is 0 by default, ``clock`` the wall's, ``baud`` the rate that the port is opened with
-(give another one, and the line is garbled). Each opening switches on a new robot in a new world.
+ARENA is an arena's name or the path of a TOML file (``emulator:///home/me/arena.toml``); without one it is the
+scenario's, or ``furnished``. ``scenario`` is a scenario's name or path; ``object`` names a thing that stands on the
+arena's stage from the start; ``compression`` makes the battery so many times faster. ``seed`` is 0 by default,
+``clock`` the wall's, ``baud`` the rate that the port is opened with (give another one, and the line is garbled).
+Each opening switches on a new robot in a new world.
 
 Everything runs in the caller's thread: the world is moved on when the port is used, as far as the clock
 says; with the simulated clock it is the reading and the sleeping that move the clock.
@@ -22,7 +24,7 @@ from khepera_hil.clock import Clock, SimulatedClock, WallClock
 from khepera_hil.emulator import Emulator
 from khepera_hil.errors import UsageError
 from khepera_hil.uart import FIFO_16550
-from khepera_hil.world import World
+from khepera_hil.world import Order, World, load_scenario
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -32,7 +34,7 @@ __all__ = ["Serial", "Witness"]
 _DRIVER_BUFFER = 4096
 """Characters that the host's driver takes before ``write`` has to wait, as a Linux terminal does."""
 
-_KEYS = ("seed", "clock", "baud")
+_KEYS = ("scenario", "object", "compression", "seed", "clock", "baud")
 _CLOCKS: dict[str, type[WallClock] | type[SimulatedClock]] = {"wall": WallClock, "simulated": SimulatedClock}
 
 
@@ -62,6 +64,16 @@ class Witness:
         self._catch_up()
         return self._world.poses()
 
+    def orders(self) -> list[tuple[str, bool]]:
+        """The operator's orders since the last time: ``vigil`` or ``identify``, and whether it is switched on."""
+        self._catch_up()
+        return [(order.order, order.on) for order in self._world.due(Order)]
+
+    def heard_alarm(self) -> None:
+        """The program sounded its alarm now; for the score."""
+        self._catch_up()
+        self._world.heard_alarm()
+
     def score(self) -> dict[str, Any]:
         """The run's figures so far: see :meth:`khepera_hil.world.score.Score.figures`."""
         self._catch_up()
@@ -85,8 +97,7 @@ class Serial(SerialBase):
             raise serial.SerialException("Port is already open.")
         if self.port is None:
             raise serial.SerialException("Port must be configured before it can be used.")
-        arena, seed, make_clock, baud = _parsed(self.port)
-        world = World(arena, seed)
+        world, make_clock, baud = _parsed(self.port)
         self._emulator = Emulator(world, baud or self.baudrate, host_baud=self._checked_baudrate(), fifo=FIFO_16550)
         self._input.clear()
         clock = make_clock()
@@ -205,27 +216,42 @@ class Serial(SerialBase):
     def _update_break_state(self) -> None: ...
 
 
-def _parsed(url: str) -> tuple[str, int, Callable[[], WallClock | SimulatedClock], int | None]:
-    """Arena, seed, clock and the robot's rate (None: the port's). Raises UsageError."""
+def _parsed(url: str) -> tuple[World, Callable[[], WallClock | SimulatedClock], int | None]:
+    """World, clock and the robot's rate (None: the port's). Raises UsageError and WorldError."""
     parts = urlsplit(url)
-    arena = unquote(parts.netloc + parts.path) or "furnished"
+    arena = unquote(parts.netloc + parts.path)
     given: dict[str, str] = {}
     for key, value in parse_qsl(parts.query, keep_blank_values=True):
         if key not in _KEYS:
             raise UsageError(f"emulator:// knows no {key!r}; there are {', '.join(_KEYS)}")
+        if key in given:
+            raise UsageError(f"emulator:// takes one {key}, not both {given[key]!r} and {value!r}")
         given[key] = value
     clock = given.get("clock", "wall")
     if clock not in _CLOCKS:
         raise UsageError(f"emulator:// has no clock {clock!r}; there are {' and '.join(_CLOCKS)}")
-    return (
-        arena.rstrip("/") or arena,
+    scenario = load_scenario(given["scenario"]) if "scenario" in given else None
+    world = World(
+        arena.rstrip("/") or arena or (scenario.world if scenario is not None else None) or "furnished",
         _whole("seed", given.get("seed", "0")),
-        _CLOCKS[clock],
-        _whole("baud", given["baud"]) if "baud" in given else None,
+        scenario,
+        compression=_factor(given["compression"]) if "compression" in given else None,
+        present=given.get("object"),
     )
+    return world, _CLOCKS[clock], _whole("baud", given["baud"]) if "baud" in given else None
 
 
 def _whole(key: str, text: str) -> int:
     if not text.isascii() or not text.isdigit():
         raise UsageError(f"emulator:// takes a whole number for {key}, not {text!r}")
     return int(text)
+
+
+def _factor(text: str) -> float:
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = math.nan
+    if not 0.01 <= factor <= 1000:
+        raise UsageError(f"emulator:// takes a number from 0.01 to 1000 for compression, not {text!r}")
+    return factor

@@ -1,22 +1,26 @@
-"""The viewer's file of a run, ``run.rrd``: derived from the log's ticks, with its own layout inside.
+"""Runs in the rerun viewer: the file ``run.rrd``, derived from the log's ticks, live views, and pictures.
 
-Importing this package does not import rerun, which takes half a second and 60 MB; opening a file does.
-All calls into rerun are made by whoever calls the sink, in practice one follower's thread.
+Importing this package does not import rerun, which takes half a second and 60 MB; opening something does. All calls
+into rerun are made by whoever calls the sink, in practice one follower's thread for each.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
+import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from khepera_hil.recording import Tick, read_manifest, read_ticks
+from khepera_hil.errors import RecordingError
+from khepera_hil.reading import read_manifest, read_ticks, tick_of
+from khepera_hil.recording import Tick
 
 if TYPE_CHECKING:
-    from khepera_hil.viewer.sink import RerunFile
+    from khepera_hil.viewer.segments import Segments
 
-__all__ = ["FILE", "ROWS_FAST", "ROWS_WALL", "open_file", "remake"]
+__all__ = ["FILE", "HOUR", "ROWS_FAST", "ROWS_WALL", "files", "open_file", "remake"]
 
 FILE = "run.rrd"
 
@@ -26,33 +30,56 @@ ROWS_WALL = 10
 ROWS_FAST = 50
 """Ticks held back with the simulated clock, where a killed run is simply run again; a smaller, cheaper file."""
 
+HOUR = 3600.0
+"""Seconds of the robot's time in one file; a longer run has ``run-0001.rrd`` and so on."""
 
-def open_file(path: Path | str, manifest: Mapping[str, Any], *, rows: int) -> RerunFile:
+
+def open_file(path: Path | str, manifest: Mapping[str, Any], *, rows: int, seconds: float = HOUR) -> Segments:
     """A sink that writes a run of ``manifest`` to ``path`` (overwritten), ``rows`` ticks to a chunk."""
     # rerun's own log would speak between our lines; what it loses is found at the flush, and told once.
     os.environ.setdefault("RUST_LOG", "off")
-    from khepera_hil.viewer.sink import RerunFile  # late: this is what imports rerun
+    from khepera_hil.viewer.segments import Segments  # late: this is what imports rerun
 
-    return RerunFile(Path(path), manifest, rows=rows)
+    return Segments(Path(path), manifest, rows=rows, seconds=seconds)
 
 
-def remake(folder: Path | str, ticks: Iterable[Tick] | None = None) -> Path:
-    """Make ``run.rrd`` of a run's folder anew from its manifest and log; the old one stays until it is whole.
+def files(folder: Path | str) -> list[Path]:
+    """The viewer's files of a run that are there, in order."""
+    first = Path(folder) / FILE
+    return [path for path in [first, *sorted(Path(folder).glob("run-[0-9][0-9][0-9][0-9].rrd"))] if path.exists()]
+
+
+def remake(
+    folder: Path | str,
+    ticks: Iterable[Tick] | None = None,
+    *,
+    into: Path | str | None = None,
+    seconds: float = HOUR,
+) -> list[Path]:
+    """Make the viewer's files of a run anew from its manifest and log; the old ones stay until the new are whole.
 
     The log has only the hashes of the distributions: to have them in the file, pass ``ticks`` whose answers
-    were computed again. Raises RecordingError when manifest or log are damaged.
+    were computed again. ``into`` is another folder for them. Raises RecordingError when manifest or log are
+    damaged, or the files cannot be written.
     """
-    path = Path(folder) / FILE
     manifest = read_manifest(folder)
-    beside = path.with_suffix(".rrd.new")
-    sink = open_file(beside, manifest, rows=ROWS_FAST)
+    target = Path(folder if into is None else into)
     try:
-        for tick in ticks if ticks is not None else map(Tick.from_row, read_ticks(folder)):
-            sink.write(tick, 0)
-    except BaseException:
-        sink.close()
-        beside.unlink()
-        raise
-    sink.close()
-    os.replace(beside, path)
-    return path
+        beside = Path(tempfile.mkdtemp(prefix="viewer-", dir=target))
+    except OSError as error:
+        raise RecordingError(f"{target} cannot be written: {error.strerror or error}") from None
+    try:
+        sink = open_file(beside / FILE, manifest, rows=ROWS_FAST, seconds=seconds)
+        try:
+            for tick in ticks if ticks is not None else map(tick_of, read_ticks(folder)):
+                sink.write(tick, 0)
+        finally:
+            sink.close()
+        for old in files(target):
+            old.unlink()
+        made = [new.replace(target / new.name) for new in files(beside)]
+    except OSError as error:
+        raise RecordingError(f"{target} cannot be written: {error.strerror or error}") from None
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+    return made

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from khepera_hil.recording import Tick, Value
 from khepera_hil.viewer import colours
 from khepera_hil.viewer.columns import Columns, Lane, Stamp, bars, static_bars, tensors, vectors
+from khepera_hil.viewer.states import is_word
 
 __all__ = ["HISTORY", "PACE", "Beliefs", "Panel", "panels"]
 
@@ -35,6 +36,8 @@ class Panel:
     """One variable of one question: what is shown as one bar chart."""
 
     key: str
+    description: str
+    """Whose question it is, such as ``pi-home``; empty where the manifest does not say."""
     title: str
     variable: str
     axis: int
@@ -46,14 +49,20 @@ class Panel:
 
     @cached_property
     def path(self) -> str:
-        """Where it hangs: ``/distributions/<key>``, and the variable when there are several."""
-        parts = [self.key] if self.alone else [self.key, self.variable]
+        """Where it hangs: its description, its key, and the variable when there are several."""
+        parts = [self.joint] if self.alone else [self.joint, rr.escape_entity_path_part(self.variable)]
+        return "/".join(parts)
+
+    @cached_property
+    def joint(self) -> str:
+        """Where all variables of its question hang."""
+        parts = [self.description, self.key] if self.description else [self.key]
         return "/".join(rr.escape_entity_path_part(part) for part in parts)
 
     @cached_property
     def words(self) -> bool:
         """Whether the values are words, which have no mean."""
-        return any(isinstance(value, str) for value in self.values)
+        return any(map(is_word, self.values))
 
     @cached_property
     def few(self) -> bool:
@@ -84,7 +93,7 @@ def panels(manifest: Mapping[str, Any]) -> list[Panel]:
     named: dict[str, int] = {}
     for question in questions:
         for values in question["values"]:
-            if all(isinstance(value, str) for value in values) and len(values) <= FEW:
+            if all(map(is_word, values)) and len(values) <= FEW:
                 named |= {value: colours.PALETTE[i] for i, value in enumerate(values)}
     found = []
     for question in questions:
@@ -94,6 +103,7 @@ def panels(manifest: Mapping[str, Any]) -> list[Panel]:
             found.append(
                 Panel(
                     key=key,
+                    description=str(question.get("description") or ""),
                     title=str(question["name"]),
                     variable=str(variable),
                     axis=axis,
@@ -147,7 +157,7 @@ class Beliefs:
             strict=True,
         )
         if not panel.alone:
-            joint = "/distributions/" + rr.escape_entity_path_part(panel.key) + "/joint"
+            joint = f"/distributions/{panel.joint}/joint"
             self.lanes.setdefault(joint, Lane(joint, tensors))
         if panel.main:
             self._prepare_history(stream, panel)
@@ -214,8 +224,7 @@ class Beliefs:
                 others = tuple(i for i in range(answer.p.ndim) if i != panel.axis)
                 p = np.asarray(answer.p.sum(axis=others) if others else answer.p, np.float64)
                 if not panel.alone and panel.axis == 0:
-                    joint = "/distributions/" + rr.escape_entity_path_part(panel.key) + "/joint"
-                    self.lanes[joint].add(stamp, answer.p)
+                    self.lanes[f"/distributions/{panel.joint}/joint"].add(stamp, answer.p)
             self._bars(panel, stamp, p, at)
             if panel.main:
                 self._history(panel, stamp, p, at)

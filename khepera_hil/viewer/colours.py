@@ -20,6 +20,7 @@ __all__ = [
     "WALL",
     "WORK",
     "faded",
+    "many",
     "mixed",
     "packed",
     "ramp",
@@ -59,6 +60,12 @@ MOVABLE = 0xC98F5AFF
 
 GROUND = 0x0D1011FF
 _GROUND = tuple((shift, GROUND >> shift & 255) for shift in (24, 16, 8))
+
+
+def many(count: int) -> NDArray[np.uint32]:
+    """A colour for each of ``count`` values: the palette, and beyond it darker and darker."""
+    n = len(PALETTE)
+    return packed(*[mixed(PALETTE[i % n], 0.75 ** (i // n)) for i in range(count)])
 
 
 def shape(kind: str, movable: bool) -> int:

@@ -18,6 +18,7 @@ from khepera_hil.recording import Value
 from khepera_hil.viewer import colours
 from khepera_hil.viewer.beliefs import HISTORY, MANY, PACE, Panel, panels
 from khepera_hil.viewer.scene import TRAIL
+from khepera_hil.viewer.states import is_word, states
 
 __all__ = ["about", "layout"]
 
@@ -80,8 +81,9 @@ def _texts() -> rrb.Tabs:
     kind = rrb.encodings.TextLogColumnKind
     return rrb.Tabs(
         rrb.TextLogView(
-            origin="/events",
-            name="Events",
+            origin="/",
+            contents=["/events/**", "/orders/**"],
+            name="Events and orders",
             columns=rrb.TextLogColumns(
                 timeline_columns=[rrb.encodings.TimelineColumn("run_time")],
                 text_log_columns=[
@@ -114,11 +116,14 @@ def _beliefs(shown: list[Panel]) -> rrb.Vertical:
 
 
 def _chart(panel: Panel) -> rrb.BarChartView:
-    title = panel.title if panel.alone else f"{panel.variable} of {panel.title}"
-    if panel.words:  # the axis has numbers only
-        title += "   " + " ".join(f"{i} {value}" for i, value in enumerate(panel.values))
+    # Titles are cut off at the right: what tells them apart comes first.
+    title = panel.key if panel.alone else panel.variable
     if panel.main:
-        title += "   drawn: red"
+        title += " (drawn: red)"
+    if panel.words:  # the axis has numbers only
+        title += ": " + ", ".join(f"{i} {value}" for i, value in enumerate(panel.values))
+    else:
+        title += f": {panel.title}"
     return rrb.BarChartView(
         origin=f"/distributions/{panel.path}", name=title, plot_legend=rrb.PlotLegend(visible=False)
     )
@@ -146,38 +151,49 @@ def _series(manifest: Mapping[str, Any]) -> rrb.Vertical:
         _plot("/sensors/proximity", "Proximity Px1..Px8: 0 far .. 1023 near", legend=False, span=(0, 1023)),
         _plot("/sensors/light", "Light L1..L8: 511 dark .. 0 bright", legend=False, span=(0, 511)),
         *_variables(manifest.get("evidence") or {}),
+        *_states(manifest),
         _plot("/motors", "Wheels as sent (pulse/10 ms, 1 = 8 mm/s)", legend=True),
         rrb.Tabs(
             _plot("/loop/ms", "Loop: lateness, work (ms)", legend=True),
             _plot("/loop/counts", "missed, dropped (ticks)", legend=True),
+            _plot("/link", "Link: characters answered a tick", legend=True),
             active_tab=0,
         ),
     )
 
 
 def _variables(evidence: Mapping[str, Sequence[Value]]) -> list[Any]:
-    """The evidence over time: variables of like range share a plot, words have their own lanes of states."""
+    """The numbers among the evidence over time: variables of like range share a plot."""
     if not evidence:
         return [_plot("/variables", "Variables", legend=True)]
     scales: dict[int, list[str]] = {}
-    words: list[str] = []
     for name, values in evidence.items():
-        if any(isinstance(value, str) for value in values):
-            words.append(name)
-        else:
-            widest = max((abs(float(value)) for value in values), default=1.0)
+        if not all(map(is_word, values)):
+            widest = max((abs(float(value)) for value in values if not isinstance(value, str)), default=1.0)
             scales.setdefault(int(np.log(max(widest, 1.0)) / np.log(8)), []).append(name)
     plots: list[Any] = [
-        _plot("/variables", ", ".join(names), legend=len(names) > 1, contents=[_variable(n) for n in names])
+        _plot(
+            "/variables",
+            ", ".join(map(_with_unit, names)),
+            legend=len(names) > 1,
+            contents=list(map(_variable, names)),
+        )
         for names in scales.values()
     ]
-    if words:
-        plots.append(
-            rrb.StateTimelineView(
-                origin="/variables", contents=[_variable(n) for n in words], name=", ".join(words)
-            )
-        )
     return plots if len(plots) <= 3 else [rrb.Tabs(*plots, active_tab=0)]
+
+
+def _with_unit(name: str) -> str:
+    return f"{name} (degrees, clockwise)" if name.startswith("Theta") else name
+
+
+def _states(manifest: Mapping[str, Any]) -> list[Any]:
+    """Words over time, a lane each; nothing where the program has none."""
+    if not states(manifest):
+        return []
+    return [
+        rrb.StateTimelineView(origin="/states", name="States: known, drawn or most probable", time_view=_window())
+    ]
 
 
 def _variable(name: str) -> str:

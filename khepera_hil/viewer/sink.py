@@ -1,23 +1,23 @@
-"""The sink that owns all calls into rerun: ticks in, chunks of ``run.rrd`` out."""
+"""The sink that owns all calls into rerun: ticks in, chunks out, to a file or to whoever looks on."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import rerun as rr
 
-from khepera_hil.recording import Tick, Value
+from khepera_hil.recording import Tick
 from khepera_hil.viewer import colours
 from khepera_hil.viewer.beliefs import Beliefs
 from khepera_hil.viewer.columns import Columns, Lane, Stamp, vectors
 from khepera_hil.viewer.layout import about, layout
 from khepera_hil.viewer.scene import Scene, readings
+from khepera_hil.viewer.states import States, is_word
 
-__all__ = ["RerunFile"]
+__all__ = ["RerunSink"]
 
 PROBE = 100
 """Ticks between two questions to the file whether it still takes anything: after a full disk it says so only
@@ -33,16 +33,24 @@ LEVELS = {
 }
 
 
-class RerunFile:
-    """Writes ``path``; ``rows`` ticks of an entity make one chunk, and the entities take turns."""
+class RerunSink:
+    """Sends to ``where``; ``rows`` ticks of an entity make one chunk, and the entities take turns.
 
-    def __init__(self, path: Path, manifest: Mapping[str, Any], *, rows: int) -> None:
+    All sinks of one run have the same application and recording, so that a viewer takes them for one.
+    """
+
+    def __init__(self, where: rr.FileSink | rr.GrpcServerSink, manifest: Mapping[str, Any], *, rows: int) -> None:
         program = str(manifest.get("program", "run"))
         plain = "".join(c if c.isalnum() and c.isascii() else "-" for c in program)
         # The viewer remembers a layout that the user changed by the application's name: one for each program.
-        self._stream = rr.RecordingStream(f"khepera-hil-{plain}", recording_id=str(manifest.get("run", path.stem)))
+        self._stream = rr.RecordingStream(
+            f"khepera-hil-{plain}",
+            recording_id=str(manifest.get("run", program)),
+            # What is sent comes in chunks already; said here, since the SDK waits otherwise for files and networks.
+            batcher_config=rr.ChunkBatcherConfig(flush_tick=0.2),
+        )
         self._stream.set_log_time_enabled(False)
-        self._stream.set_sinks(rr.FileSink(str(path), write_footer=True), default_blueprint=layout(manifest))
+        self._stream.set_sinks(where, default_blueprint=layout(manifest))
         self._rows = rows
         self._count = 0
         started = manifest.get("started")
@@ -52,6 +60,7 @@ class RerunFile:
             self._stream.send_recording_start_time_nanos(int(when * 1e9))
         self._scene = Scene(self._stream, manifest)
         self._beliefs = Beliefs(self._stream, manifest)
+        self._states = States(self._stream, manifest)
         self._lanes = _own_lanes(self._stream)
         self._variables: dict[str, Lane] = {}
         self._stream.log(
@@ -63,6 +72,7 @@ class RerunFile:
         stamp = (tick.tick, tick.t, tick.wall)
         self._scene.write(tick, stamp)
         self._beliefs.write(tick, stamp)
+        self._states.write(tick, stamp)
         self._own(tick, stamp, dropped)
         self._count += 1
         for i, lane in enumerate(self._all()):
@@ -78,14 +88,14 @@ class RerunFile:
         self._stream.flush(timeout_sec=2)
 
     def close(self) -> None:
-        """Send everything and write the file's footer."""
+        """Send everything; a file gets its footer."""
         try:
             self.flush()
         finally:
             self._stream.disconnect()
 
     def _all(self) -> list[Lane]:
-        owners = (self._lanes, self._variables, self._beliefs.lanes, self._scene.lanes)
+        owners = (self._lanes, self._variables, self._beliefs.lanes, self._states.lanes, self._scene.lanes)
         return [lane for lanes in owners for lane in lanes.values()]
 
     def _own(self, tick: Tick, stamp: Stamp, dropped: int) -> None:
@@ -96,13 +106,19 @@ class RerunFile:
         self._lanes["motors"].add(stamp, np.array(command, np.float64))
         self._lanes["ms"].add(stamp, np.array([tick.late_ms, tick.work_ms]))
         self._lanes["counts"].add(stamp, np.array([tick.missed, dropped], np.float64))
+        asked = sum(len(answer) + 2 for letter, answer in tick.raw.items() if letter != "?")
+        self._lanes["link"].add(stamp, np.array([asked, len(tick.raw.get("?", ""))], np.float64))
         for name, value in tick.evidence.items():
+            if is_word(value):
+                continue  # a state
             lane = self._variables.get(name)
             if lane is None:
-                lane = self._variables[name] = _variable(self._stream, name, value)
+                lane = self._variables[name] = _variable(self._stream, name)
             lane.add(stamp, value)
         for level, text in tick.events:
             self._lanes["events"].add(stamp, (LEVELS.get(level.lower(), "INFO"), text))
+        for order in tick.orders:
+            self._lanes["orders"].add(stamp, ("INFO", order))
 
 
 def _own_lanes(stream: rr.RecordingStream) -> dict[str, Lane]:
@@ -117,14 +133,14 @@ def _own_lanes(stream: rr.RecordingStream) -> dict[str, Lane]:
         "motors": series("/motors", ["left", "right"], (colours.LEFT, colours.RIGHT)),
         "ms": series("/loop/ms", ["late", "work"], (colours.LATE, colours.WORK)),
         "counts": series("/loop/counts", ["missed", "dropped by the recorder"], colours.PALETTE[1:3]),
+        "link": series("/link", ["answered", "not asked for"], (colours.INK, colours.LATE)),
         "events": Lane("/events", _texts),
+        "orders": Lane("/orders", _texts),
     }
 
 
-def _variable(stream: rr.RecordingStream, name: str, value: Value) -> Lane:
+def _variable(stream: rr.RecordingStream, name: str) -> Lane:
     path = "/variables/" + rr.escape_entity_path_part(name)
-    if isinstance(value, str):
-        return Lane(path, lambda rows: rr.StateChange.columns(state=rows))
     look = rr.SeriesLines(names=[name], widths=[1.5])
     stream.log(path, look, static=True, strict=True)
     return Lane(path, lambda rows: rr.Scalars.columns(scalars=np.array(rows, np.float64)))

@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import math
-import tomllib
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from importlib.resources import files
-from pathlib import Path
-from typing import Any
+import re
+from dataclasses import dataclass, field, replace
 
 from khepera_hil.errors import WorldError
-from khepera_hil.world.shapes import Kind, Shape, box, disc
+from khepera_hil.world.shapes import BODY_RADIUS, Kind, Pose, Shape, box, disc, overlap
+from khepera_hil.world.tables import Range, Table, read_table, shipped
+from khepera_hil.world.things import read_body, read_pose, read_thing
 
-__all__ = ["Arena", "Base", "LampPlan", "Scatter", "Start", "arenas", "load_arena"]
+__all__ = [
+    "Arena",
+    "Base",
+    "LampPlan",
+    "Scatter",
+    "Start",
+    "arena_walls",
+    "arenas",
+    "base_walls",
+    "load_arena",
+]
 
-Range = tuple[float, float]
+RESERVED = ("robot", "base")
+"""Names that no thing may have."""
+
+_WALL = 20.0  # mm, thickness of the arena's walls, outside the floor
+_SCATTERED = re.compile(r"(wall|block|disc) \d+")
 
 _CORNERS = {"south-west": (0, 0), "south-east": (1, 0), "north-east": (1, 1), "north-west": (0, 1)}
 
@@ -66,6 +78,7 @@ class Scatter:
     discs: tuple[int, int]
     disc_radius: Range
     masses: tuple[float, ...]
+    stripes: Range | None = None
 
 
 @dataclass(frozen=True)
@@ -79,16 +92,25 @@ class Start:
 
 @dataclass(frozen=True)
 class Arena:
-    """What a file says; lengths in mm. Its origin is the lower left corner of the floor."""
+    """What a file says; lengths in mm. Its origin is the lower left corner of the floor.
+
+    ``wall_stripes`` are the least and the greatest width of the walls' black and white stripes, ``room_light`` what
+    the light of the room takes from the sensors' dark, in counts. Things whose names are in ``shelved`` are not on
+    the floor until somebody puts them there, by default on the ``stage``.
+    """
 
     name: str
     title: str
     size: tuple[float, float] = (1000.0, 1000.0)
     wall_height: float = 100.0
     wall_reflectance: float = 1.0
+    wall_stripes: Range | None = (10.0, 20.0)
+    room_light: float = 0.0
     base: Base | None = None
     lamps: tuple[LampPlan, ...] = ()
     things: tuple[Shape, ...] = ()
+    shelved: frozenset[str] = frozenset()
+    stage: tuple[float, float] | None = None
     scatter: Scatter | None = None
     start: Start = field(default_factory=Start)
 
@@ -104,9 +126,7 @@ class Arena:
 
 def arenas() -> dict[str, str]:
     """The arenas that come with the package: name and one line about each."""
-    shipped = sorted(entry.name for entry in files(__package__).joinpath("worlds").iterdir())
-    names = [name.removesuffix(".toml") for name in shipped if name.endswith(".toml")]
-    return {name: load_arena(name).title for name in names}
+    return {name: load_arena(name).title for name in shipped("worlds")}
 
 
 def load_arena(name: str) -> Arena:
@@ -114,141 +134,63 @@ def load_arena(name: str) -> Arena:
 
     Raises :class:`~khepera_hil.errors.WorldError`.
     """
-    if "/" in name or name.endswith(".toml"):
-        where, label = Path(name), Path(name).stem
-        try:
-            text = where.read_text("utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "it is no UTF-8 text"
-            raise WorldError(f"the arena {name} cannot be read: {reason}") from None
-    else:
-        source, label = files(__package__).joinpath("worlds", f"{name}.toml"), name
-        if not name.replace("-", "").replace("_", "").isalnum() or not source.is_file():
-            raise WorldError(
-                f"there is no arena {name!r}; there are {', '.join(arenas())}, or give the path of a TOML file"
-            )
-        text = source.read_text("utf-8")
-        name = f"{name}.toml"
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise WorldError(f"{name} is no TOML: {error}") from None
-    return _arena(label, _Table(name, "", table))
+    return _arena(*read_table("arena", "worlds", name))
 
 
-class _Table:
-    """One table of a file: every key is asked for once, and what nobody asked for is a mistake."""
-
-    def __init__(self, file: str, path: str, values: dict[str, Any]) -> None:
-        self._file = file
-        self._path = path
-        self._values = dict(values)
-        self._known: list[str] = []
-
-    def take(self, key: str, expected: str, accept: Callable[[Any], Any], default: Any = ...) -> Any:
-        """The value of ``key`` as ``accept`` makes it; it raises ValueError or TypeError for what is wrong."""
-        self._known.append(key)
-        if key not in self._values:
-            if default is ...:
-                raise self.wrong(key, f"is missing; expected {expected}")
-            return default
-        value = self._values.pop(key)
-        try:
-            return accept(value)
-        except (TypeError, ValueError, KeyError):
-            raise self.wrong(key, f"must be {expected}, not {value!r}") from None
-
-    def wrong(self, key: str, what: str) -> WorldError:
-        return WorldError(f"{self._file}: {self._path}{key} {what}")
-
-    def number(self, key: str, low: float, high: float, default: Any = ...) -> float:
-        return float(self.take(key, f"a number from {low:g} to {high:g}", lambda v: _number(v, low, high), default))
-
-    def numbers(self, key: str, count: int | None, low: float, high: float, default: Any = ...) -> Any:
-        many = "a list of" if count is None else f"a list of {count}"
-        expected = f"{many} numbers from {low:g} to {high:g}"
-
-        def accept(value: Any) -> tuple[float, ...]:
-            if not isinstance(value, list) or not value or (count is not None and len(value) != count):
-                raise ValueError
-            return tuple(_number(item, low, high) for item in value)
-
-        return self.take(key, expected, accept, default)
-
-    def range(self, key: str, low: float, high: float, default: Any = ...) -> Any:
-        def accept(value: Any) -> Range:
-            if not isinstance(value, list):
-                value = [value, value]
-            first, last = (_number(item, low, high) for item in value)
-            if first > last:
-                raise ValueError
-            return first, last
-
-        return self.take(key, f"a number or [least, most] from {low:g} to {high:g}", accept, default)
-
-    def count(self, key: str, high: int, default: Any = ...) -> Any:
-        least, most = self.range(key, 0, high, default)
-        if least != int(least) or most != int(most):
-            raise self.wrong(key, f"must be whole numbers, not {[least, most]}")
-        return int(least), int(most)
-
-    def text(self, key: str, default: Any = ...) -> str:
-        def accept(value: Any) -> str:
-            if not isinstance(value, str) or not value.strip() or "\n" in value:
-                raise ValueError
-            return value.strip()
-
-        return str(self.take(key, "one line of text", accept, default))
-
-    def table(self, key: str) -> _Table | None:
-        def accept(value: Any) -> _Table:
-            if not isinstance(value, dict):
-                raise TypeError
-            return _Table(self._file, f"{self._path}{key}.", value)
-
-        table: _Table | None = self.take(key, "a table", accept, None)
-        return table
-
-    def tables(self, key: str) -> list[_Table]:
-        def accept(value: Any) -> list[_Table]:
-            if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-                raise TypeError
-            return [_Table(self._file, f"{key}[{place}].", item) for place, item in enumerate(value)]
-
-        found: list[_Table] = self.take(key, f"tables, each written [[{key}]]", accept, [])
-        return found
-
-    def end(self) -> None:
-        """Raises when something is left."""
-        for key in self._values:
-            raise self.wrong(key, f"is not known here; expected one of {', '.join(self._known)}")
-
-
-def _number(value: Any, low: float, high: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
-        raise ValueError
-    return float(value)
-
-
-def _arena(name: str, table: _Table) -> Arena:
+def _arena(name: str, table: Table) -> Arena:
+    title = table.text("title")
     width, depth = table.numbers("size_mm", 2, 200, 5000, (1000.0, 1000.0))
+    things, shelved = _things(table, width, depth)
     arena = Arena(
         name=name,
-        title=table.text("title"),
+        title=title,
         size=(width, depth),
         wall_height=table.number("wall_height_mm", 0, 1000, 100.0),
         wall_reflectance=table.number("wall_reflectance", 0, 1.5, 1.0),
+        wall_stripes=table.range("wall_stripes_mm", 2, 500, (10.0, 20.0)),
+        room_light=table.number("room_light", 0, 30, 0.0),
         base=_base(table.table("base"), min(width, depth)),
         lamps=tuple(_lamp(lamp, width, depth) for lamp in table.tables("lamp")),
-        things=_things(table, width, depth),
+        things=tuple(things),
+        shelved=shelved,
+        stage=_stage(table.table("stage"), width, depth),
         scatter=_scatter(table.table("scatter")),
-        start=_start(table.table("start"), width, depth),
     )
+    arena = replace(arena, start=_start(table.table("start"), arena))
     table.end()
+    _check(arena, things)
     return arena
 
 
-def _base(table: _Table | None, room: float) -> Base | None:
+def _check(arena: Arena, things: dict[Shape, Table]) -> None:
+    """Names and places of what the file puts on the floor, against each other and the base's walls."""
+    standing: list[Shape] = base_walls(arena)
+    names = {*RESERVED, *(wall.name for wall in arena_walls(arena) + standing)}
+    for lamp in arena.lamps:
+        if lamp.name in names:
+            raise WorldError(f"{arena.name}.toml: lamp.name must be new; there is a {lamp.name!r} already")
+        names.add(lamp.name)
+    for thing, table in things.items():
+        if thing.name in names:
+            raise table.wrong("name", f"must be new; there is a {thing.name!r} already")
+        names.add(thing.name)
+        if arena.scatter is not None and _SCATTERED.fullmatch(thing.name):
+            raise table.wrong("name", f"must not be {thing.name!r}, which the scattered things are called by")
+        if thing.name in arena.shelved:
+            continue
+        for x, y in thing.points().tolist():
+            if not (
+                thing.radius <= x <= arena.size[0] - thing.radius
+                and thing.radius <= y <= arena.size[1] - thing.radius
+            ):
+                raise table.wrong("at_mm", f"must leave all of {thing.name!r} on the floor; it reaches into a wall")
+        for other in standing:
+            if overlap(thing, other):
+                raise table.wrong("at_mm", f"must be free, but {thing.name!r} overlaps {other.name!r}")
+        standing.append(thing)
+
+
+def _base(table: Table | None, room: float) -> Base | None:
     if table is None:
         return None
     side = table.number("side_mm", 60, room)
@@ -265,7 +207,7 @@ def _base(table: _Table | None, room: float) -> Base | None:
     return base
 
 
-def _lamp(table: _Table, width: float, depth: float) -> LampPlan:
+def _lamp(table: Table, width: float, depth: float) -> LampPlan:
     lamp = LampPlan(
         name=table.text("name"),
         at=table.numbers("at_mm", 2, 0, max(width, depth)),
@@ -277,37 +219,35 @@ def _lamp(table: _Table, width: float, depth: float) -> LampPlan:
     return lamp
 
 
-def _things(table: _Table, width: float, depth: float) -> tuple[Shape, ...]:
-    things: list[Shape] = []
-    for key, kind in (("wall", "fixed"), ("block", "block"), ("disc", "disc")):
-        things += [_thing(item, kind, width, depth) for item in table.tables(key)]  # type: ignore[arg-type] # literals
-    names = [thing.name for thing in things]
-    for name in names:
-        if names.count(name) > 1:
-            raise table.wrong("name", f"must be different for each thing; {name!r} is there twice")
-    return tuple(things)
+def _things(table: Table, width: float, depth: float) -> tuple[dict[Shape, Table], frozenset[str]]:
+    """Things with their tables, and the names of those that do not stand on the floor."""
+    things: dict[Shape, Table] = {}
+    shelved = []
+    floor = max(width, depth)
+    kinds: dict[str, Kind] = {"wall": "fixed", "block": "block", "disc": "disc"}
+    for key, kind in kinds.items():
+        for item in table.tables(key):
+            things[read_thing(item, kind, floor)] = item
+    for item in table.tables("object"):
+        placed = item.has("at_mm")
+        shape = read_body(item, read_pose(item, floor) if placed else (0.0, 0.0, 0.0))
+        things[shape] = item
+        if not placed:
+            shelved.append(shape.name)
+    for item in things.values():
+        item.end()
+    return things, frozenset(shelved)
 
 
-def _thing(table: _Table, kind: Kind, width: float, depth: float) -> Shape:
-    name = table.text("name")
+def _stage(table: Table | None, width: float, depth: float) -> tuple[float, float] | None:
+    if table is None:
+        return None
     x, y = table.numbers("at_mm", 2, 0, max(width, depth))
-    angle = math.radians(table.number("angle_deg", -360, 360, 0.0))
-    height = table.number("height_mm", 1, 1000)
-    more = {"reflectance": table.number("reflectance", 0, 1.5, 1.0)}
-    if kind != "fixed":
-        more["mass"] = table.number("mass_g", 1, 10_000)
-        more["floor_friction"] = table.number("floor_friction", 0, 2, 0.35)
-    if kind == "disc":
-        radius = table.number("radius_mm", 5, 500)
-        shape = disc(name, kind, radius, (x, y, angle), height, **more)
-    else:
-        long, wide = table.numbers("size_mm", 2, 5, 2000)
-        shape = box(name, kind, long, wide, (x, y, angle), height, **more)
     table.end()
-    return shape
+    return x, y
 
 
-def _scatter(table: _Table | None) -> Scatter | None:
+def _scatter(table: Table | None) -> Scatter | None:
     if table is None:
         return None
     scatter = Scatter(
@@ -323,14 +263,16 @@ def _scatter(table: _Table | None) -> Scatter | None:
         discs=table.count("discs", 50, (0, 0)),
         disc_radius=table.range("disc_radius_mm", 5, 250, (25.0, 50.0)),
         masses=table.numbers("masses_g", None, 1, 10_000),
+        stripes=table.range("stripes_mm", 2, 500, None),
     )
     table.end()
     return scatter
 
 
-def _start(table: _Table | None, width: float, depth: float) -> Start:
+def _start(table: Table | None, arena: Arena) -> Start:
     if table is None:
         return Start()
+    width, depth = arena.size
     at = table.numbers("at_mm", 2, 0, max(width, depth), None)
     heading = math.radians(table.number("heading_deg", -360, 360, 0.0))
     start = Start(
@@ -339,4 +281,48 @@ def _start(table: _Table | None, width: float, depth: float) -> Start:
         clearance=table.number("clearance_mm", 1, 500, 40.0),
     )
     table.end()
+    if start.pose is not None:
+        robot = disc("robot", "robot", BODY_RADIUS, start.pose, 29.0)
+        standing = [thing for thing in arena.things if thing.name not in arena.shelved]
+        for other in [*arena_walls(arena), *base_walls(arena), *standing]:
+            if overlap(robot, other):
+                raise table.wrong("at_mm", f"must have room for the robot, 57 mm wide, but {other.name!r} is there")
     return start
+
+
+def arena_walls(arena: Arena) -> list[Shape]:
+    """The four walls round the floor."""
+    width, depth = arena.size
+    long, half = 2 * _WALL, _WALL / 2
+
+    def wall(name: str, across: float, up: float, x: float, y: float) -> Shape:
+        shape = box(name, "wall", across, up, (x, y, 0.0), arena.wall_height, reflectance=arena.wall_reflectance)
+        return replace(shape, stripes=arena.wall_stripes)
+
+    return [
+        wall("south wall", width + long, _WALL, width / 2, -half),
+        wall("east wall", _WALL, depth + long, width + half, depth / 2),
+        wall("north wall", width + long, _WALL, width / 2, depth + half),
+        wall("west wall", _WALL, depth + long, -half, depth / 2),
+    ]
+
+
+def base_walls(arena: Arena) -> list[Shape]:
+    """Two walls on the inner sides of the base's square, from the arena's wall inwards, outside the square."""
+    base = arena.base
+    if base is None or base.wall_length == 0:
+        return []
+    right, high = base.corner
+    along = base.wall_length / 2
+    across = base.side + base.wall_thickness / 2
+
+    def corner(x: float, y: float) -> Pose:
+        return (arena.size[0] - x if right else x), (arena.size[1] - y if high else y), 0.0
+
+    def wall(name: str, size: tuple[float, float], pose: Pose) -> Shape:
+        return box(name, "wall", *size, pose, base.wall_height)
+
+    return [
+        wall("base wall 1", (base.wall_thickness, base.wall_length), corner(across, along)),
+        wall("base wall 2", (base.wall_length, base.wall_thickness), corner(along, across)),
+    ]

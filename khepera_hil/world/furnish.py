@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from khepera_hil.errors import WorldError
-from khepera_hil.world.arena import Arena, Base, Scatter
-from khepera_hil.world.sensors import BODY_RADIUS, Lamp
-from khepera_hil.world.shapes import Pose, Shape, box, disc, gap
+from khepera_hil.world.arena import Arena, Scatter, arena_walls, base_walls
+from khepera_hil.world.lights import Lamp
+from khepera_hil.world.shapes import BODY_RADIUS, Pose, Shape, box, disc, gap
 
 __all__ = ["Layout", "furnish"]
 
-_WALL = 20.0  # mm, thickness of the arena's walls, outside the floor
 _CHOICES, _LAYOUTS, _TRIES, _STARTS = 2000, 60, 250, 20_000
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Everything at its starting place: what stands on the floor, lamps, the base, the robot."""
+    """Everything at its starting place: what stands on the floor, lamps, the base, the robot.
+
+    The shapes that are named in ``shelved`` are not on the floor yet.
+    """
 
     arena: Arena
     shapes: tuple[Shape, ...]
+    shelved: frozenset[str]
     base_walls: frozenset[str]
     lamps: tuple[Lamp, ...]
     start: Pose
@@ -34,52 +37,24 @@ def furnish(arena: Arena, things: np.random.Generator, start: np.random.Generato
 
     Raises :class:`~khepera_hil.errors.WorldError` when there is no room.
     """
-    walls = _arena_walls(arena)
-    base_walls = _base_walls(arena)
+    walls = arena_walls(arena)
+    recess = base_walls(arena)
     lamps = tuple(
         Lamp(plan.name, *plan.at, float(things.uniform(*plan.height)), plan.intensity, plan.radius)
         for plan in arena.lamps
     )
-    given = [*base_walls, *arena.things]
+    given = [*recess, *(thing for thing in arena.things if thing.name not in arena.shelved)]
     scattered = _scattered(arena, arena.scatter, given, things) if arena.scatter is not None else []
-    shapes = (*walls, *given, *scattered)
+    shelved = [thing for thing in arena.things if thing.name in arena.shelved]
+    standing = (*walls, *given, *scattered)
     return Layout(
-        arena, shapes, frozenset(wall.name for wall in base_walls), lamps, _start(arena, list(shapes), start)
+        arena,
+        (*standing, *shelved),
+        arena.shelved,
+        frozenset(wall.name for wall in recess),
+        lamps,
+        _start(arena, list(standing), start),
     )
-
-
-def _arena_walls(arena: Arena) -> list[Shape]:
-    width, depth = arena.size
-    light = arena.wall_reflectance
-    height = arena.wall_height
-    long, half = 2 * _WALL, _WALL / 2
-    return [
-        box("south wall", "wall", width + long, _WALL, (width / 2, -half, 0.0), height, reflectance=light),
-        box("east wall", "wall", _WALL, depth + long, (width + half, depth / 2, 0.0), height, reflectance=light),
-        box("north wall", "wall", width + long, _WALL, (width / 2, depth + half, 0.0), height, reflectance=light),
-        box("west wall", "wall", _WALL, depth + long, (-half, depth / 2, 0.0), height, reflectance=light),
-    ]
-
-
-def _base_walls(arena: Arena) -> list[Shape]:
-    """Two walls on the inner sides of the base's square, from the arena's wall inwards, outside the square."""
-    base = arena.base
-    if base is None or base.wall_length == 0:
-        return []
-    right, high = base.corner
-    along = base.wall_length / 2
-    across = base.side + base.wall_thickness / 2
-
-    def corner(x: float, y: float) -> Pose:
-        return (arena.size[0] - x if right else x), (arena.size[1] - y if high else y), 0.0
-
-    def wall(name: str, size: tuple[float, float], pose: Pose, base: Base) -> Shape:
-        return box(name, "wall", *size, pose, base.wall_height)
-
-    return [
-        wall("base wall 1", (base.wall_thickness, base.wall_length), corner(across, along), base),
-        wall("base wall 2", (base.wall_length, base.wall_thickness), corner(along, across), base),
-    ]
 
 
 def _base_area(arena: Arena) -> Shape | None:
@@ -143,14 +118,14 @@ def _choose(plan: Scatter, chance: np.random.Generator) -> list[Shape]:
         else:
             name, radius = f"disc {number - blocks + 1}", float(chance.uniform(*plan.disc_radius))
             things.append(disc(name, "disc", radius, nowhere, height, mass=mass))
-    return things
+    return [replace(thing, stripes=plan.stripes) for thing in things]
 
 
 def _start(arena: Arena, shapes: list[Shape], chance: np.random.Generator) -> Pose:
     if arena.start.pose is not None:
         return arena.start.pose
     base = _base_area(arena)
-    inside = shapes[len(_arena_walls(arena)) :]
+    inside = shapes[len(arena_walls(arena)) :]
     for _ in range(_STARTS):
         x, y = float(chance.uniform(0, arena.size[0])), float(chance.uniform(0, arena.size[1]))
         robot = disc("robot", "robot", BODY_RADIUS, (x, y, float(chance.uniform(-math.pi, math.pi))), 29.0)

@@ -7,12 +7,12 @@ light block moves, a heavy one does not, and nothing is pressed into anything.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
+import numpy as np
 import pymunk
 
-from khepera_hil.world.sensors import BODY_RADIUS
-from khepera_hil.world.shapes import Pose, Shape
+from khepera_hil.world.shapes import BODY_RADIUS, Pose, Shape, turned
 
 __all__ = ["Physics"]
 
@@ -21,6 +21,7 @@ _ROBOT_MASS = 80.0  # g (paper, section 4.1)
 _GRIP = 0.8 * 0.7 * _ROBOT_MASS * _GRAVITY
 """g mm/s2: the tyres' friction coefficient on the share of the weight that stands on them (proposed); 0.44 N."""
 _GRIP_ARM = 26.5  # mm, half the wheel base
+_MOVER_GRIP = 0.5  # of a mover's weight (proposed): it does not push harder
 # Chipmunk multiplies the two shapes' values: contacts have friction 0.4 and elasticity 0.05 (proposed).
 _CONTACT_FRICTION = math.sqrt(0.4)
 _CONTACT_ELASTICITY = math.sqrt(0.05)
@@ -36,23 +37,31 @@ _ROBOT, _COUNTED, _BASE = 1, 2, 3
 
 
 class Physics:
-    """The robot among ``shapes``, those of kind lamp and base left out; ``base_walls`` are named apart.
+    """The robot among ``shapes``; ``base_walls`` are named apart.
+
+    ``movables`` are places among the shapes; those of them that are in ``absent`` are not on the floor yet.
 
     :attr:`touching` says with how many things the robot is in contact, the base's walls left out.
     """
 
-    def __init__(self, shapes: Sequence[Shape], base_walls: frozenset[str], start: Pose) -> None:
+    def __init__(
+        self,
+        shapes: Sequence[Shape],
+        movables: Sequence[int],
+        base_walls: frozenset[str],
+        start: Pose,
+        absent: Collection[int] = (),
+    ) -> None:
         self._space = space = pymunk.Space()
         self.touching = 0
         # What lies still for long costs nothing; the robot never sleeps, its joint to a kinematic body keeps it up.
         space.sleep_time_threshold, space.idle_speed_threshold = 0.2, 0.01
         space.on_collision(_ROBOT, _COUNTED, begin=self._touch, separate=self._part)
-        self._bodies: list[pymunk.Body] = []
         for shape in shapes:
-            body = self._add_body(shape) if shape.movable else space.static_body
-            solid = self._outline(shape, body)
-            solid.collision_type = _BASE if shape.name in base_walls else _COUNTED
-            space.add(solid)
+            if not shape.movable:
+                for solid in self._outlines(shape, space.static_body):
+                    solid.collision_type = _BASE if shape.name in base_walls else _COUNTED
+                    space.add(solid)
         self._robot = pymunk.Body(_ROBOT_MASS, 0.5 * _ROBOT_MASS * BODY_RADIUS**2)
         self._robot.position, self._robot.angle = start[:2], start[2]
         circle = pymunk.Circle(self._robot, BODY_RADIUS)
@@ -64,48 +73,97 @@ class Physics:
         # What the wheels want is the motion of a body without mass or shape; the joints to it slip when
         # they would need more force than the tyres have.
         self._wanted = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
-        self._hold(self._wanted, self._robot, _GRIP, _GRIP * _GRIP_ARM)
+        space.add(*self._hold(self._wanted, self._robot, _GRIP, _GRIP * _GRIP_ARM))
         self.coasts = True
         """Whether the engine is spared while the robot has nothing near; the result is the same."""
         self._pose = start
         self._velocity: tuple[float, float] = (0.0, 0.0)
         self._turn = 0.0
         self._room = 0.0
-        self._free = False
-        self._places: list[Pose] = []
+        self._coasting = False
+        self._still = False  # whether nothing but the robot moves, and it touches nothing
         self._steps_to_look = _STEPS_TO_LOOK
+        self._bodies = {number: _Body(shapes[place]) for number, place in enumerate(movables)}
+        for body in self._bodies.values():
+            self._furnish(body)
+        self._present: dict[int, _Body] = {}
+        for number, place in enumerate(movables):
+            if place not in absent:
+                self.put(number, shapes[place].pose)
+        self._places = self._looked()
 
-    def _add_body(self, shape: Shape) -> pymunk.Body:
+    def _furnish(self, thing: _Body) -> None:
+        """Give a movable thing its body: outline, weight, and what it rubs on or is driven by."""
+        shape = thing.shape
         if shape.corners:
-            moment = pymunk.moment_for_poly(shape.mass, list(shape.corners))
+            areas = [abs(pymunk.area_for_poly(part)) for part in shape.convex]
+            moment = sum(
+                pymunk.moment_for_poly(shape.mass * area / sum(areas), list(part))
+                for part, area in zip(shape.convex, areas, strict=True)
+            )
         else:
             moment = pymunk.moment_for_circle(shape.mass, 0, shape.radius)
-        body = pymunk.Body(shape.mass, moment)
-        body.position, body.angle = shape.pose[:2], shape.pose[2]
-        self._space.add(body)
-        self._bodies.append(body)
-        friction = shape.floor_friction * shape.mass * _GRAVITY
-        self._hold(self._space.static_body, body, friction, friction * 2 / 3 * math.sqrt(shape.area / math.pi))
-        return body
+        thing.body = body = pymunk.Body(shape.mass, moment)
+        thing.solids = self._outlines(shape, body)
+        for solid in thing.solids:
+            solid.collision_type = _COUNTED
+        if shape.kind == "mover":
+            thing.drive = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+            grip = _MOVER_GRIP * shape.mass * _GRAVITY
+            thing.joints = self._hold(thing.drive, body, grip, grip * shape.radius)
+        else:
+            friction = shape.floor_friction * shape.mass * _GRAVITY
+            arm = 2 / 3 * math.sqrt(shape.area / math.pi)
+            thing.joints = self._hold(self._space.static_body, body, friction, friction * arm)
 
-    def _hold(self, one: pymunk.Body, other: pymunk.Body, force: float, torque: float) -> None:
-        """Tie two bodies' velocities (not their places) with limited force: top-down friction."""
+    def is_free(self, number: int, pose: Pose) -> bool:
+        """Whether movable thing ``number`` would touch nothing at ``pose``."""
+        self._leave_coasting()
+        thing = self._bodies[number]
+        thing.body.position, thing.body.angle = pose[:2], pose[2]
+        return not any(self._space.shape_query(solid) for solid in thing.solids)
+
+    def put(self, number: int, pose: Pose) -> None:
+        """Put a movable thing that is not there on the floor, at rest."""
+        self._leave_coasting()
+        thing = self._bodies[number]
+        thing.body.position, thing.body.angle = pose[:2], pose[2]
+        thing.body.velocity, thing.body.angular_velocity = (0, 0), 0
+        self._space.add(thing.body, *thing.solids, *thing.joints)
+        self._present[number] = thing
+
+    def take(self, number: int) -> None:
+        """Take a movable thing that is there from the floor."""
+        self._leave_coasting()
+        thing = self._present.pop(number)
+        self._space.remove(*thing.joints, *thing.solids, thing.body)
+
+    def steer(self, number: int, velocity: tuple[float, float]) -> None:
+        """What a mover wants from now on, mm/s; whether it gets there is another matter."""
+        drive = self._bodies[number].drive
+        if drive is not None and drive.velocity != velocity:
+            drive.velocity = velocity
+
+    def _hold(self, one: pymunk.Body, other: pymunk.Body, force: float, torque: float) -> list[pymunk.Constraint]:
+        """Ties between two bodies' velocities (not their places) with limited force: top-down friction."""
         pivot = pymunk.PivotJoint(one, other, (0, 0), (0, 0))
         gear = pymunk.GearJoint(one, other, 0, 1)
         pivot.max_bias = gear.max_bias = 0
         pivot.max_force, gear.max_force = force, torque
-        self._space.add(pivot, gear)
+        return [pivot, gear]
 
-    def _outline(self, shape: Shape, body: pymunk.Body) -> pymunk.Shape:
-        solid: pymunk.Shape
-        if shape.movable:
-            solid = pymunk.Poly(body, shape.corners) if shape.corners else pymunk.Circle(body, shape.radius)
-        elif shape.corners:
-            solid = pymunk.Poly(body, [tuple(point) for point in shape.points().tolist()])
+    def _outlines(self, shape: Shape, body: pymunk.Body) -> list[pymunk.Shape]:
+        solids: list[pymunk.Shape]
+        if not shape.corners:
+            solids = [pymunk.Circle(body, shape.radius, (0, 0) if shape.movable else shape.pose[:2])]
+        elif shape.movable:
+            solids = [pymunk.Poly(body, part) for part in shape.convex]
         else:
-            solid = pymunk.Circle(body, shape.radius, shape.pose[:2])
-        solid.friction, solid.elasticity = _CONTACT_FRICTION, _CONTACT_ELASTICITY
-        return solid
+            placed = [turned(np.array(part), shape.pose) for part in shape.convex]
+            solids = [pymunk.Poly(body, [tuple(point) for point in part.tolist()]) for part in placed]
+        for solid in solids:
+            solid.friction, solid.elasticity = _CONTACT_FRICTION, _CONTACT_ELASTICITY
+        return solids
 
     def advance(self, step: float, ahead: float, turn: float) -> Pose:
         """One step of ``step`` seconds while the wheels want ``ahead`` mm/s and ``turn`` rad/s."""
@@ -146,27 +204,58 @@ class Physics:
         would give exactly what the wheels want; so it is not asked, which is most of an emulator's time.
         """
         self._steps_to_look = _STEPS_TO_LOOK
-        was_free, self._room = self._free, 0.0
-        self._free = False
-        if self.coasts and not self.touching and all(body.is_sleeping for body in self._bodies):
-            near = self._space.point_query_nearest(self._pose[:2], _FAR, self._others)
+        was_coasting, self._room = self._coasting, 0.0
+        self._coasting = False
+        self._still = not self.touching and all(thing.body.is_sleeping for thing in self._present.values())
+        if self._still:
+            self._places = self._looked()
+            near = self._space.point_query_nearest(self._pose[:2], _FAR, self._others) if self.coasts else None
             room = (_FAR if near is None else near.distance) - BODY_RADIUS - _MARGIN
-            if room > 0:
-                self.movables()  # as they are now they stay
-                self._room, self._free = room, True
+            if self.coasts and room > 0:
+                self._room, self._coasting = room, True
                 return
-        if was_free:
-            self._robot.position, self._robot.angle = self._pose[:2], self._pose[2]
-            self._robot.velocity, self._robot.angular_velocity = self._velocity, self._turn
+        if was_coasting:
+            self._take_over()
 
-    def movables(self) -> list[Pose]:
-        """Where the movable shapes are, in the order in which they came."""
-        if not self._free:
-            self._places = [(*body.position, body.angle) for body in self._bodies]
+    def _leave_coasting(self) -> None:
+        """Let the engine go on from where the robot is: something is about to change."""
+        if self._coasting:
+            self._coasting, self._room = False, 0.0
+            self._take_over()
+        self._still = False
+
+    def _take_over(self) -> None:
+        self._robot.position, self._robot.angle = self._pose[:2], self._pose[2]
+        self._robot.velocity, self._robot.angular_velocity = self._velocity, self._turn
+
+    def movables(self) -> list[Pose | None]:
+        """Where the movable shapes are, in their order (None: not on the floor); the same list while none moves."""
+        if not self._still:
+            places = self._looked()
+            if places != self._places:
+                self._places = places
         return self._places
+
+    def _looked(self) -> list[Pose | None]:
+        return [
+            (*thing.body.position, thing.body.angle) if number in self._present else None
+            for number, thing in self._bodies.items()
+        ]
 
     def _touch(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: object) -> None:
         self.touching += 1
+        self._still = False
 
     def _part(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: object) -> None:
         self.touching -= 1
+
+
+class _Body:
+    """A movable thing in the engine."""
+
+    def __init__(self, shape: Shape) -> None:
+        self.shape = shape
+        self.body: pymunk.Body
+        self.drive: pymunk.Body | None = None
+        self.solids: list[pymunk.Shape]
+        self.joints: list[pymunk.Constraint]

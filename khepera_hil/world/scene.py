@@ -1,170 +1,325 @@
-"""The arena as rays see it: what is near, in the robot's frame, and the first thing that a ray hits.
+"""The arena as straight lines see it at one height: the first thing that a ray hits, and what hides a lamp.
 
-Most of the time little or nothing is near, and arrays of a few numbers cost as much as arrays of a hundred:
-so what is far is dismissed one thing at a time, and only the rest meets the rays as arrays.
+Arrays of a few numbers cost as much as arrays of a hundred, so what is far is dismissed one thing at a time and
+only the rest meets the rays as arrays; and what is near a place is remembered until the robot has left its
+neighbourhood or something has moved. Every result is computed for each line and each edge apart, so it does not
+depend on what else is in the arrays.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from khepera_hil.world.shapes import Pose, Shape
 
-__all__ = ["Rays", "Scene", "Solid", "beside", "hides"]
+__all__ = ["Hits", "Rays", "Scene", "Solid"]
 
 Array = NDArray[np.float64]
 
 _NOWHERE = 1e9
+_NEIGHBOURHOOD = 40.0  # mm that the robot may go before what is near is looked for anew
+_LEAN = 1.58  # exponent of a sloping face's cosine, as of the incidence in the plane (khepera_hil.world.sensors)
+_NOBODY = (math.inf, math.inf, -math.inf, -math.inf)
 
-# One edge, counter-clockwise round its shape: start, way to its end, outward normal of length 1, length.
-_Edge = tuple[float, float, float, float, float, float, float]
+# One edge, counter-clockwise round its shape: start, way to its end, length.
+_Edge = tuple[float, float, float, float, float]
 
 
 class Solid:
-    """A shape where it stands now: its box along the axes, its edges."""
+    """A shape where it stands now, cut at one height: its box along the axes, its edges or its radius.
 
-    def __init__(self, shape: Shape) -> None:
+    ``pose`` None: it stands elsewhere. :attr:`lean` is the cosine of the slope of its sides.
+    """
+
+    def __init__(self, shape: Shape, place: int, level: float) -> None:
         self.shape = shape
+        self.place_of_shape = place
+        self._scale = 1 - level / shape.height if shape.pointed else 1.0
+        self.radius = shape.radius * self._scale
+        self.lean = 1.0
+        if shape.pointed:
+            inner = shape.radius or min(
+                math.hypot(x + to_x, y + to_y) / 2 for (x, y), (to_x, to_y) in _sides(shape)
+            )
+            self.lean = shape.height / math.hypot(shape.height, inner)
         self.place(shape.pose)
 
-    def place(self, pose: Pose) -> None:
+    def place(self, pose: Pose | None) -> None:
         """Compute its box and edges anew."""
-        self.x, self.y, _ = pose
         self.edges: list[_Edge] = []
-        moved = self.shape.at(pose)
-        if not self.shape.corners:
-            radius = self.shape.radius
-            self.box = (self.x - radius, self.y - radius, self.x + radius, self.y + radius)
+        self.turn = 0.0
+        self.x = self.y = math.inf
+        if pose is None:
+            self.box = _NOBODY
             return
-        corners: list[tuple[float, float]] = [(x, y) for x, y in moved.points().tolist()]
-        for (x, y), (to_x, to_y) in zip(corners, corners[1:] + corners[:1], strict=True):
-            along_x, along_y = to_x - x, to_y - y
-            length = math.hypot(along_x, along_y)
-            self.edges.append((x, y, along_x, along_y, along_y / length, -along_x / length, length))
+        self.x, self.y, self.turn = x, y, turn = pose
+        if not self.shape.corners:
+            self.box = (x - self.radius, y - self.radius, x + self.radius, y + self.radius)
+            return
+        cosine, sine = self._scale * math.cos(turn), self._scale * math.sin(turn)
+        corners = [(x + cosine * a - sine * b, y + sine * a + cosine * b) for a, b in self.shape.corners]
+        for (start_x, start_y), (end_x, end_y) in zip(corners, corners[1:] + corners[:1], strict=True):
+            way_x, way_y = end_x - start_x, end_y - start_y
+            self.edges.append((start_x, start_y, way_x, way_y, math.hypot(way_x, way_y)))
         across, up = zip(*corners, strict=True)
         self.box = (min(across), min(up), max(across), max(up))
+
+
+def _sides(shape: Shape) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+    return list(zip(shape.corners, shape.corners[1:] + shape.corners[:1], strict=True))
 
 
 class Rays:
     """Rays that are fixed to the robot: origins and unit directions in its frame, both of shape (n, 2)."""
 
     def __init__(self, origins: Array, directions: Array) -> None:
-        self.origins = origins
-        self.directions = directions
         self.count = len(origins)
         self.farthest = float(np.hypot(*origins.T).max())
-        # An edge from a along e meets a ray from o along d where o + t d = a + u e; with cross products,
-        # t = (a x e - o x e) / (d x e) and u = (a x d - o x d) / (d x e). This matrix takes (a, e) to
-        # d x e, -o x e and a x d of all rays at once.
-        (x, y), (from_x, from_y) = directions.T, origins.T
-        nought = np.zeros(self.count)
-        self.crossing = np.block(
-            [[nought, nought, y], [nought, nought, -x], [-y, from_y, nought], [x, -from_x, nought]]
-        )
-        self.moment = from_x * y - from_y * x
-        self.ahead = (origins * directions).sum(1)
-        self.squared = (origins**2).sum(1)
+        self._own = np.concatenate([origins.T, directions.T])  # (4, n)
+        self._turned = np.stack([-origins[:, 1], origins[:, 0], -directions[:, 1], directions[:, 0]])
+
+    def placed(self, poses: Sequence[Pose]) -> Array:
+        """Origins and directions on the floor, shape (4, n): x, y, and the two of the direction.
+
+        One pose is for all rays; more of them share the rays out evenly, in order.
+        """
+        if len(poses) == 1:
+            x, y, theta = poses[0]
+            rays: Array = math.cos(theta) * self._own + math.sin(theta) * self._turned
+            rays[0] += x
+            rays[1] += y
+            return rays
+        table = np.array([(x, y, math.cos(theta), math.sin(theta)) for x, y, theta in poses])
+        across, up, cosine, sine = table.T.repeat(self.count // len(poses), axis=1)
+        rays = cosine * self._own + sine * self._turned
+        rays[0] += across
+        rays[1] += up
+        return rays
+
+
+class _Near(NamedTuple):
+    """What stands near a place: the solids, and their edges and discs as arrays.
+
+    An edge: start, way, cross product of the two, -1 / length, reflectance, whose it is, its place on the outline,
+    length. A disc: centre, radius, reflectance, whose it is, its own turn.
+    """
+
+    version: int
+    x: float
+    y: float
+    reach: float
+    solids: list[Solid]
+    edges: Array
+    discs: Array
+
+
+class Hits(NamedTuple):
+    """What each ray meets first, each of shape (n,).
+
+    Where it meets nothing, ``distance`` is 1e9 and ``cosine`` (of the incidence) and ``reflectance`` are 0. ``row``
+    and ``along`` say where on what: see :meth:`Scene.surface`.
+    """
+
+    distance: Array
+    cosine: Array
+    reflectance: Array
+    row: NDArray[np.intp]
+    along: Array
+    near: _Near
 
 
 class Scene:
-    """Everything that stands on the floor, for straight lines of sight. Lengths in mm.
+    """What stands on the floor higher than ``level`` mm, cut at that height.
 
-    ``shapes`` are at their poses; :meth:`place` moves one of them.
+    ``shapes`` are at their poses; :meth:`place` moves one of them or takes it away. What is near is looked for
+    again after ``neighbourhood`` mm.
     """
 
-    def __init__(self, shapes: Sequence[Shape]) -> None:
-        self._solids = [Solid(shape) for shape in shapes]
+    def __init__(self, shapes: Sequence[Shape], level: float, neighbourhood: float = _NEIGHBOURHOOD) -> None:
+        self.level = level
+        self._all = [
+            Solid(shape, place, level) if shape.height > level else None for place, shape in enumerate(shapes)
+        ]
+        self._solids = [solid for solid in self._all if solid is not None]
+        self._neighbours = neighbourhood
+        self._version = 0
+        self._near: _Near | None = None
+        self._shading: dict[object, tuple[int, float, float, tuple[Array, Array]]] = {}
 
-    def place(self, place: int, pose: Pose) -> None:
-        """Move the shape at this place of the constructor's sequence."""
-        self._solids[place].place(pose)
+    def place(self, place: int, pose: Pose | None) -> None:
+        """Move the shape at this place of the constructor's sequence; None: it is not there."""
+        solid = self._all[place]
+        if solid is not None:
+            solid.place(pose)
+            self._version += 1
 
-    def reflections(self, rays: Rays, pose: Pose, reach: float, above: float) -> tuple[Array, Array, Array] | None:
-        """The first thing that each ray hits: distance, cosine of the incidence, reflectance; each of shape (n,).
+    def reflections(self, rays: Rays, poses: Sequence[Pose], reach: float) -> Hits | None:
+        """The first thing within ``reach`` mm that each ray hits; None when none can hit anything.
 
-        Only things higher than ``above`` and nearer than ``reach`` to the robot's centre are looked at; None
-        when there are none. Where a ray hits nothing, the distance is 1e9 and the rest 0.
+        ``poses`` are one for all rays or as many as share them out (see :meth:`Rays.placed`), close together.
         """
-        edges, discs = self._near(pose, reach, above, rays.farthest)
-        if not edges and not discs:
+        near = self._neighbourhood(poses, rays.farthest, reach)
+        if not near.solids or not _any_within(near.solids, poses, reach + rays.farthest):
             return None
-        hits: list[tuple[Array, Array, Array]] = []
-        if edges:
-            table = np.array(edges)
-            crossed = table[:, :4] @ rays.crossing
-            # Counter-clockwise edges cross a ray from its right when they are seen from outside: d x e < 0.
-            across = np.minimum(crossed[:, : rays.count], -1e-12)
-            t = (crossed[:, rays.count : -rays.count] + table[:, 4:5]) / across
-            u = (crossed[:, -rays.count :] - rays.moment) / across
-            t = np.where((np.abs(u - 0.5) <= 0.5) & (t >= 0), t, _NOWHERE)
-            hits.append((t, across, table[:, 5:7]))
-        if discs:
-            table = np.array(discs)
-            centre, radius = table[:, :2], table[:, 2:3]
-            middle = centre @ rays.directions.T - rays.ahead
-            apart = (centre**2).sum(1)[:, None] - 2 * centre @ rays.origins.T + rays.squared
-            square = middle**2 - apart + radius**2
+        from_x, from_y, way_x, way_y = rays.placed(poses)
+        found: list[tuple[Array, Array, NDArray[np.intp], Array]] = []
+        columns = np.arange(rays.count)
+        if len(near.edges):
+            x, y, along_x, along_y, moment, shrink = near.edges.T[:6, :, None]
+            # An edge from a along e meets a ray from o along d where o + t d = a + u e; with cross products,
+            # t = (a - o) x e / (d x e) and u = (a - o) x d / (d x e). Counter-clockwise edges cross a ray from
+            # its right when they are seen from outside: d x e < 0.
+            across = np.minimum(way_x * along_y - way_y * along_x, -1e-12)
+            t = (moment - (from_x * along_y - from_y * along_x)) / across
+            u = (x * way_y - y * way_x - (from_x * way_y - from_y * way_x)) / across
+            t[(np.abs(u - 0.5) > 0.5) | (t < 0) | (t > reach)] = _NOWHERE
+            row = t.argmin(0)
+            found.append((t[row, columns], across[row, columns] * shrink[row, 0], row, u[row, columns]))
+        if len(near.discs):
+            x, y, radius = near.discs.T[:3, :, None]
+            away_x, away_y = x - from_x, y - from_y
+            middle = away_x * way_x + away_y * way_y
+            square = middle * middle - away_x * away_x - away_y * away_y + radius * radius
             half = np.sqrt(np.maximum(square, 0))
             t = middle - half
-            t = np.where((square > 0) & (t >= 0), t, _NOWHERE)
-            hits.append((t, half, table[:, 3:5]))
-        return _first(hits, rays.count)
+            t[(square <= 0) | (t < 0) | (t > reach)] = _NOWHERE
+            row = t.argmin(0)
+            distance = t[row, columns]
+            on_x = from_x + distance * way_x - x[row, 0]
+            on_y = from_y + distance * way_y - y[row, 0]
+            cosine = half[row, columns] / radius[row, 0]
+            found.append((distance, cosine, row + len(near.edges), np.arctan2(on_y, on_x)))
+        distance, cosine, row, along = found[0]
+        if len(found) == 2:
+            nearer = found[1][0] < distance
+            distance, cosine, row, along = (np.where(nearer, b, a) for a, b in zip(*found, strict=True))
+        met = distance < _NOWHERE
+        reflectance = np.concatenate([near.edges[:, 6], near.discs[:, 3]])
+        return Hits(distance, cosine * met, reflectance[row] * met, row, along, near)
 
-    def _near(
-        self, pose: Pose, reach: float, above: float, farthest: float
-    ) -> tuple[list[tuple[float, ...]], list[tuple[float, ...]]]:
-        """Near edges and discs in the robot's frame.
+    @staticmethod
+    def surface(hits: Hits) -> tuple[NDArray[np.intp], Array]:
+        """Which shape each ray hit (its place in the constructor's sequence), and where: mm round the outline.
 
-        An edge: start, way, cross product of the two, -1 / length, reflectance; a disc: centre, radius,
-        1 / radius, reflectance.
+        Of no meaning where nothing was hit.
         """
-        x, y, theta = pose
-        cosine, sine = math.cos(theta), math.sin(theta)
+        edges, discs = hits.near.edges, hits.near.discs
+        whose = np.concatenate([edges[:, 7], discs[:, 4]])
+        begin = np.concatenate([edges[:, 8], np.zeros(len(discs))])
+        turn = np.concatenate([np.zeros(len(edges)), discs[:, 5]])
+        scale = np.concatenate([edges[:, 9], discs[:, 2]])
+        row = hits.row
+        along = np.where(row < len(edges), hits.along, (hits.along - turn[row]) % (2 * math.pi))
+        return whose[row].astype(np.intp), begin[row] + along * scale[row]
+
+    def _neighbourhood(self, poses: Sequence[Pose], farthest: float, reach: float) -> _Near:
+        """All that rays of ``reach`` may meet which start ``farthest`` from any place near the poses."""
+        near, wide = self._near, self._neighbours
+        if near is not None and near.version == self._version and near.reach == reach:
+            (x, y, _), (last_x, last_y, _) = poses[0], poses[-1]
+            if max(abs(x - near.x), abs(y - near.y), abs(last_x - near.x), abs(last_y - near.y)) <= wide:
+                return near
+        x, y, _ = poses[-1]
+        # Twice: of several poses, which lie close together, only the first and the last are compared.
+        slack = 2 * wide + farthest
+        solids = [solid for solid in self._solids if _within(solid, x, x, y, y, reach + slack)]
         edges: list[tuple[float, ...]] = []
         discs: list[tuple[float, ...]] = []
-        for solid in self._solids:
-            left, low, right, high = solid.box
-            if not (left - reach < x < right + reach and low - reach < y < high + reach):
-                continue
-            if solid.shape.height <= above:
-                continue
+        for solid in solids:
             if not solid.edges:
-                away_x, away_y = solid.x - x, solid.y - y
-                if math.hypot(away_x, away_y) < reach + solid.shape.radius:
-                    discs.append(
+                reflects = solid.shape.reflectance * solid.lean**_LEAN
+                discs.append((solid.x, solid.y, solid.radius, reflects, solid.place_of_shape, solid.turn))
+                continue
+            begin = 0.0
+            for start_x, start_y, way_x, way_y, length in solid.edges:
+                # A face is seen from its outer side only.
+                if ((x - start_x) * way_y - (y - start_y) * way_x) / length > -slack:
+                    edges.append(
                         (
-                            away_x * cosine + away_y * sine,
-                            away_y * cosine - away_x * sine,
-                            solid.shape.radius,
-                            1 / solid.shape.radius,
-                            solid.shape.reflectance,
+                            start_x,
+                            start_y,
+                            way_x,
+                            way_y,
+                            start_x * way_y - start_y * way_x,
+                            -1 / length,
+                            solid.shape.reflectance * solid.lean**_LEAN,
+                            solid.place_of_shape,
+                            begin,
+                            length,
                         )
                     )
-                continue
-            for start_x, start_y, along_x, along_y, normal_x, normal_y, length in solid.edges:
-                away_x, away_y = start_x - x, start_y - y
-                # A face is seen from its outer side only, by the sensors if not by the robot's centre.
-                if not -farthest < -away_x * normal_x - away_y * normal_y < reach:
-                    continue
-                if -reach < (-away_x * along_x - away_y * along_y) / length < length + reach:
-                    own_x, own_y = away_x * cosine + away_y * sine, away_y * cosine - away_x * sine
-                    way_x, way_y = along_x * cosine + along_y * sine, along_y * cosine - along_x * sine
-                    moment = own_x * way_y - own_y * way_x
-                    edges.append((own_x, own_y, way_x, way_y, moment, -1 / length, solid.shape.reflectance))
-        return edges, discs
+                begin += length
+        tables = np.array(edges).reshape(-1, 10), np.array(discs).reshape(-1, 6)
+        self._near = _Near(self._version, x, y, reach, solids, *tables)
+        return self._near
 
-    def between(
-        self, place: tuple[float, float, float], target: tuple[float, float, float], width: float
-    ) -> list[Solid]:
-        """What may hide any point near ``target`` from any point near ``place`` (x, y, height).
+    def shaded(
+        self, key: object, lamp: tuple[float, float, float], width: float, starts: Array, sides: Array
+    ) -> Array:
+        """The share of a lamp that is hidden from each place, of three lines of sight: shape (n,).
+
+        ``lamp`` is (x, y, height), ``width`` mm its radius; ``starts`` are the places, shape (n, 2), at the
+        scene's level; ``sides`` unit vectors across the way to the lamp, of the same shape. ``key`` names the
+        lamp, so that what may stand between is not looked for each time.
+        """
+        edges, discs = self._between(key, lamp, width, starts)
+        if not len(edges) and not len(discs):
+            return np.zeros(len(starts))
+        rims = np.array([-width, 0.0, width])[:, None, None] * sides + lamp[:2]
+        way_x, way_y = (rims - starts).reshape(-1, 2).T
+        from_x, from_y = np.tile(starts.T, 3)
+        length = np.maximum(np.hypot(way_x, way_y), 1e-9)
+        first, rise = -_TOUCHING / length, lamp[2] - self.level
+        hidden = np.zeros(len(way_x), bool)
+        if len(edges):
+            x, y, along_x, along_y, height = edges.T[:, :, None]
+            # A line is lowest where it enters a shape, so the faces that look away do not matter.
+            across = np.minimum(way_x * along_y - way_y * along_x, -1e-12)
+            away_x, away_y = x - from_x, y - from_y
+            u = (away_x * way_y - away_y * way_x) / across
+            t = (away_x * along_y - away_y * along_x) / across
+            crossed = (np.abs(u - 0.5) <= 0.5) & (t >= first) & (t <= 1)
+            hidden |= (crossed & (height > self.level + rise * np.maximum(t, 0))).any(0)
+        if len(discs):
+            x, y, radius, height = discs.T[:, :, None]
+            away_x, away_y = x - from_x, y - from_y
+            middle = (away_x * way_x + away_y * way_y) / length
+            square = middle * middle - away_x * away_x - away_y * away_y + radius * radius
+            t = (middle - np.sqrt(np.maximum(square, 0))) / length
+            crossed = (square > 0) & (t >= first) & (t <= 1)
+            hidden |= (crossed & (height > self.level + rise * np.maximum(t, 0))).any(0)
+        share: Array = hidden.reshape(3, -1).sum(0) / 3
+        return share
+
+    def _between(
+        self, key: object, lamp: tuple[float, float, float], width: float, starts: Array
+    ) -> tuple[Array, Array]:
+        """Edges and discs that may hide any point of a lamp from anywhere near the places."""
+        x, y = starts[-1].tolist()
+        if (known := self._shading.get(key)) is not None:
+            version, then_x, then_y, shading = known
+            if version == self._version and abs(x - then_x) <= _NEIGHBOURHOOD and abs(y - then_y) <= _NEIGHBOURHOOD:
+                return shading
+        # The places are a robot's sensors: all within twice its radius of the last one.
+        spread = 2 * _NEIGHBOURHOOD + _ROBOT_WIDTH
+        solids = self.between((x, y), lamp, spread + width)
+        edges = [(*edge[:4], solid.shape.height) for solid in solids for edge in solid.edges]
+        discs = [(solid.x, solid.y, solid.radius, solid.shape.height) for solid in solids if not solid.edges]
+        shading = np.array(edges).reshape(-1, 5), np.array(discs).reshape(-1, 4)
+        self._shading[key] = self._version, x, y, shading
+        return shading
+
+    def between(self, place: tuple[float, float], target: tuple[float, float, float], width: float) -> list[Solid]:
+        """What may hide any point near ``target`` (x, y, height) from any near ``place`` at the scene's level.
 
         Near is at most ``width`` mm away at the same height.
         """
-        (x, y, above), (to_x, to_y, high_end) = place, target
+        (x, y), (to_x, to_y, high_end) = place, target
         way = max(math.hypot(to_x - x, to_y - y), 1e-9)
         along_x, along_y = (to_x - x) / way, (to_y - y) / way
         left, right = min(x, to_x) - width, max(x, to_x) + width
@@ -174,70 +329,40 @@ class Scene:
             box = solid.box
             if box[0] > right or box[2] < left or box[1] > high or box[3] < low:
                 continue
-            if solid.shape.height <= above:
-                continue
-            if beside(solid, x, y, along_x, along_y, width):
+            if _beside(solid, x, y, along_x, along_y, width):
                 continue
             # The lines rise: what is low and far along them stays below.
             if solid.edges:
                 first = min((edge[0] - x) * along_x + (edge[1] - y) * along_y for edge in solid.edges)
             else:
-                first = (solid.x - x) * along_x + (solid.y - y) * along_y - solid.shape.radius
-            if solid.shape.height > above + (high_end - above) * (first - width) / (way + width):
+                first = (solid.x - x) * along_x + (solid.y - y) * along_y - solid.radius
+            rise = (high_end - self.level) * max(first - width, 0.0) / (way + 2 * width)
+            if solid.shape.height > self.level + rise:
                 near.append(solid)
         return near
 
 
-def beside(solid: Solid, x: float, y: float, along_x: float, along_y: float, width: float) -> bool:
+_TOUCHING = 3.0  # mm behind a sensor at which a line of sight begins, so that what touches it hides the light
+_ROBOT_WIDTH = 60.0  # mm
+
+
+def _within(solid: Solid, least_x: float, most_x: float, least_y: float, most_y: float, reach: float) -> bool:
+    left, low, right, high = solid.box
+    return left - reach < most_x and least_x < right + reach and low - reach < most_y and least_y < high + reach
+
+
+def _any_within(solids: list[Solid], poses: Sequence[Pose], reach: float) -> bool:
+    if len(poses) == 1:
+        x, y, _ = poses[0]
+        return any(_within(solid, x, x, y, y, reach) for solid in solids)
+    across, up, _ = zip(*poses, strict=True)
+    least_x, most_x, least_y, most_y = min(across), max(across), min(up), max(up)
+    return any(_within(solid, least_x, most_x, least_y, most_y, reach) for solid in solids)
+
+
+def _beside(solid: Solid, x: float, y: float, along_x: float, along_y: float, width: float) -> bool:
     """Whether the solid is wholly more than ``width`` beside the line through (x, y) along a unit vector."""
     if not solid.edges:
-        return abs((solid.x - x) * along_y - (solid.y - y) * along_x) >= width + solid.shape.radius
+        return abs((solid.x - x) * along_y - (solid.y - y) * along_x) >= width + solid.radius
     sides = [(edge[0] - x) * along_y - (edge[1] - y) * along_x for edge in solid.edges]
     return min(sides) >= width or max(sides) <= -width
-
-
-def hides(solid: Solid, start: tuple[float, float, float], end: tuple[float, float, float], slack: float) -> bool:
-    """Whether the solid stands higher than the straight line from ``start`` to ``end`` (x, y, height).
-
-    The line begins ``slack`` mm behind its start, so that what touches a sensor hides the light.
-    """
-    (x, y, low), (to_x, to_y, high) = start, end
-    way_x, way_y = to_x - x, to_y - y
-    length = max(math.hypot(way_x, way_y), 1e-9)
-    if not solid.edges:
-        away_x, away_y = solid.x - x, solid.y - y
-        middle = (away_x * way_x + away_y * way_y) / length
-        square = middle * middle - away_x * away_x - away_y * away_y + solid.shape.radius**2
-        if square <= 0:
-            return False
-        t = (middle - math.sqrt(square)) / length
-        return -slack / length <= t <= 1 and solid.shape.height > low + (high - low) * max(t, 0.0)
-    for edge_x, edge_y, along_x, along_y, _, _, _ in solid.edges:
-        # A line is lowest where it enters a shape, so the faces that look away do not matter.
-        across = way_x * along_y - way_y * along_x
-        if across >= 0:
-            continue
-        away_x, away_y = edge_x - x, edge_y - y
-        if not 0 <= (away_x * way_y - away_y * way_x) / across <= 1:
-            continue
-        t = (away_x * along_y - away_y * along_x) / across
-        return -slack / length <= t <= 1 and solid.shape.height > low + (high - low) * max(t, 0.0)
-    return False
-
-
-def _first(hits: list[tuple[Array, Array, Array]], count: int) -> tuple[Array, Array, Array]:
-    """Of all things, the one that each ray meets first; ``hits`` are distances, cosines less a factor of each
-    thing's own, and that factor and the reflectance of each thing."""
-    columns = np.arange(count)
-    found = []
-    for t, cosines, things in hits:
-        row = t.argmin(0)
-        nearest = t[row, columns]
-        met = nearest < _NOWHERE
-        factor, reflectance = things[row].T
-        found.append((nearest, cosines[row, columns] * factor * met, reflectance * met))
-    if len(found) == 1:
-        return found[0]
-    nearer = found[1][0] < found[0][0]
-    one, other = (np.where(nearer, b, a) for a, b in zip(found[0][:2], found[1][:2], strict=True))
-    return one, other, np.where(nearer, found[1][2], found[0][2])

@@ -9,11 +9,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Kind", "Pose", "Shape", "box", "disc", "gap", "turned"]
+__all__ = ["BODY_RADIUS", "Kind", "Pose", "Shape", "box", "disc", "gap", "overlap", "turned"]
 
-Kind = Literal["wall", "fixed", "block", "disc", "lamp", "base", "robot"]
+BODY_RADIUS = 28.5
+"""The robot's. Paper, section 4.1: 57 mm across."""
+
+Kind = Literal["wall", "fixed", "block", "disc", "mover", "flame", "lamp", "base", "robot"]
 """wall: the arena's and the base's; fixed: stands for ever; block and disc: can be pushed if light enough;
-lamp: hangs above the floor; base: the base's square on the floor. The last three stand in nobody's way."""
+mover: goes its own way; flame: burns low above the floor; lamp: hangs above it; base: the base's square on it.
+Flames, lamps and the base stand in nobody's way."""
 
 Pose = tuple[float, float, float]
 """x (right), y (up) and theta (counter-clockwise)."""
@@ -27,10 +31,13 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Shape:
-    """A convex polygon (``corners`` in its own frame, counter-clockwise) or a disc (``radius``).
+    """A polygon (``corners`` in its own frame, counter-clockwise) or a disc (``radius``).
 
-    ``reflectance`` is for infrared light, 1 for white paper; ``mass`` infinite for what cannot move;
-    ``floor_friction`` the coefficient between it and the floor.
+    A polygon that is not convex has ``parts``, convex polygons that make it up. ``reflectance`` is for infrared
+    light, 1 for white paper, ``albedo`` what the camera sees of its light and dark, 0 to 1; ``stripes`` (mm) are
+    the least and greatest width of black and white stripes instead. ``mass`` is infinite for what cannot move;
+    ``floor_friction`` the coefficient between it and the floor. What is ``pointed`` narrows to a point at its
+    height: a pyramid or a cone.
     """
 
     name: str
@@ -42,6 +49,15 @@ class Shape:
     reflectance: float = 1.0
     mass: float = math.inf
     floor_friction: float = FLOOR_FRICTION
+    parts: tuple[tuple[tuple[float, float], ...], ...] = ()
+    pointed: bool = False
+    albedo: float = 0.6
+    stripes: tuple[float, float] | None = None
+
+    @property
+    def convex(self) -> tuple[tuple[tuple[float, float], ...], ...]:
+        """Convex polygons that make it up; none for a disc."""
+        return self.parts or ((self.corners,) if self.corners else ())
 
     @property
     def movable(self) -> bool:
@@ -55,6 +71,21 @@ class Shape:
             return math.pi * self.radius**2
         x, y = np.array(self.corners).T
         return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+    @property
+    def outline(self) -> float:
+        """Its length round, mm."""
+        if not self.corners:
+            return 2 * math.pi * self.radius
+        ends = self.corners[1:] + self.corners[:1]
+        return sum(math.hypot(to_x - x, to_y - y) for (x, y), (to_x, to_y) in zip(self.corners, ends, strict=True))
+
+    @property
+    def longest_line(self) -> float:
+        """The longest straight side of its outline, mm; 0 for a disc."""
+        ends = self.corners[1:] + self.corners[:1]
+        sides = (math.hypot(to_x - x, to_y - y) for (x, y), (to_x, to_y) in zip(self.corners, ends, strict=True))
+        return max(sides, default=0.0)
 
     def at(self, pose: Pose) -> Shape:
         """The same thing elsewhere."""
@@ -123,12 +154,35 @@ def turned(points: Points, pose: Pose) -> Points:
 
 def gap(one: Shape, other: Shape) -> float:
     """The shortest way between two shapes, mm; 0 when they touch or overlap."""
-    a: list[Point] = [(x, y) for x, y in one.points().tolist()]
-    b: list[Point] = [(x, y) for x, y in other.points().tolist()]
+    between = min(_between(a, b) for a in _pieces(one) for b in _pieces(other))
+    return max(0.0, between - one.radius - other.radius)
+
+
+def overlap(one: Shape, other: Shape) -> bool:
+    """Whether two shapes share more than their borders (a hundredth of their size is forgiven)."""
+    return gap(_smaller(one), _smaller(other)) == 0
+
+
+def _smaller(shape: Shape) -> Shape:
+    def about(part: tuple[Point, ...]) -> tuple[Point, ...]:
+        x = sum(point[0] for point in part) / len(part)
+        y = sum(point[1] for point in part) / len(part)
+        return tuple((x + 0.995 * (a - x), y + 0.995 * (b - y)) for a, b in part)
+
+    parts = tuple(about(part) for part in shape.convex)
+    return replace(shape, corners=parts[0] if parts else (), parts=parts, radius=0.995 * shape.radius)
+
+
+def _pieces(shape: Shape) -> list[list[Point]]:
+    """Its convex polygons on the floor; a disc's centre."""
+    pieces = shape.convex or (((0.0, 0.0),),)
+    return [[(x, y) for x, y in turned(np.array(piece), shape.pose).tolist()] for piece in pieces]
+
+
+def _between(a: list[Point], b: list[Point]) -> float:
     if not (_apart(a, b) or _apart(b, a)):
         return 0.0
-    between = min(_corner_to_edge(a, b), _corner_to_edge(b, a))
-    return max(0.0, between - one.radius - other.radius)
+    return min(_corner_to_edge(a, b), _corner_to_edge(b, a))
 
 
 def _apart(a: list[Point], b: list[Point]) -> bool:

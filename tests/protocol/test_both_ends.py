@@ -17,7 +17,6 @@ from khepera_hil.protocol import (
     LED_ACTION,
     LONGEST_LINE,
     PROTOCOL_ERROR,
-    TURRET_ABSENT,
     Field,
     RequestLines,
     RequestRefused,
@@ -28,6 +27,7 @@ from khepera_hil.protocol import (
     parse_request,
     wire_seconds,
 )
+from khepera_hil.turrets import TURRET_ABSENT
 
 Values = tuple[int | str, ...]
 NUMBERS = [letter for letter, command in COMMANDS.items() if command.form == "numbers"]

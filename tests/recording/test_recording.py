@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from khepera_hil.errors import RecordingError
+from khepera_hil.reading import read_manifest, read_ticks, tick_of
 from khepera_hil.recording import (
     HOST_COLUMNS,
     LOG,
@@ -25,8 +26,7 @@ from khepera_hil.recording import (
     Answer,
     Recording,
     Tick,
-    read_manifest,
-    read_ticks,
+    log_file,
 )
 from tests.recording import synthetic
 
@@ -67,7 +67,7 @@ def create(runs: Path, **more: Any) -> Recording:
 @settings(deadline=None)
 @given(any_tick)
 def test_a_tick_comes_back_from_its_line_as_it_was(tick: Tick) -> None:
-    back = Tick.from_row(json.loads(tick.line()))
+    back = tick_of(json.loads(tick.line()))
     for column in ("tick", "raw", "orders", "evidence", "clipped", "u", "draws", "command", "events", "missed"):
         assert getattr(back, column) == getattr(tick, column), column
     assert back.t == pytest.approx(tick.t, abs=1e-6)
@@ -90,7 +90,7 @@ def test_a_run_is_read_back_as_it_was_written(tmp_path: Path) -> None:
         assert row["u"] == tick.u  # exact: a replay draws with it again
         assert row["raw"] == tick.raw
         assert row["answers"] == {key: answer.digest() for key, answer in tick.answers.items()}
-        assert Tick.from_row(row).command == tick.command
+        assert tick_of(row).command == tick.command
     manifest = read_manifest(recording.folder)
     assert manifest["ending"] == {"stop": "duration", "score": {"distance_m": 1.5}, "losses": []}
     assert (manifest["program"], manifest["seed"], manifest["run"]) == ("home", 7, recording.folder.name)
@@ -144,6 +144,42 @@ def test_each_tick_is_one_write_of_one_whole_line(tmp_path: Path, monkeypatch: p
     recording.close({})
 
 
+def test_a_long_run_goes_on_in_further_files_and_is_read_back_as_one(tmp_path: Path) -> None:
+    line = len(next(synthetic.ticks(1)).line())
+    recording = Recording.create(
+        tmp_path, program="home", seed=7, manifest=synthetic.manifest(), started=STARTED, segment=10 * line
+    )
+    for tick in synthetic.ticks(95):
+        recording.write(tick)
+    assert [row["tick"] for row in read_ticks(recording.folder)] == list(range(95))  # also while it goes on
+    recording.close({})
+    files = sorted(path.name for path in recording.folder.glob("ticks*.jsonl"))
+    assert len(files) >= 9
+    assert set(files) == {log_file(number) for number in range(len(files))}
+    assert all((recording.folder / name).stat().st_size <= 10 * line for name in files)
+    assert [row["tick"] for row in read_ticks(recording.folder)] == list(range(95))
+    middle = recording.folder / log_file(4)
+    kept = middle.read_bytes()
+    middle.write_bytes(kept[:-1])
+    with pytest.raises(RecordingError, match=r"ticks-0004\.jsonl, line \d+ is damaged: it has no end"):
+        list(read_ticks(recording.folder))
+    middle.unlink()
+    with pytest.raises(RecordingError, match=r"ticks-0004\.jsonl is missing"):
+        list(read_ticks(recording.folder))
+
+
+def test_where_no_further_file_can_be_made_the_old_one_goes_on(tmp_path: Path) -> None:
+    recording = Recording.create(
+        tmp_path, program="home", seed=7, manifest=synthetic.manifest(), started=STARTED, segment=2000
+    )
+    (recording.folder / log_file(1)).touch()  # taken
+    for tick in synthetic.ticks(20):
+        recording.write(tick)
+    recording.close({})
+    (recording.folder / log_file(1)).unlink()
+    assert [row["tick"] for row in read_ticks(recording.folder)] == list(range(20))
+
+
 def test_a_half_last_line_is_passed_over(tmp_path: Path) -> None:
     recording = create(tmp_path)
     for tick in synthetic.ticks(5):
@@ -177,7 +213,7 @@ def test_a_row_with_a_column_of_another_kind_is_refused(column: str) -> None:
     row = json.loads(next(synthetic.ticks(1)).line())
     row[column] = 3.5 if column != "tick" else "three"
     with pytest.raises(RecordingError, match="of the log is damaged"):
-        Tick.from_row(row)
+        tick_of(row)
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,7 @@ import pytest
 
 from khepera_hil.errors import WorldError
 from khepera_hil.world import World, arenas, load_arena
-from khepera_hil.world.sensors import BODY_RADIUS
-from khepera_hil.world.shapes import box, disc, gap
+from khepera_hil.world.shapes import BODY_RADIUS, box, disc, gap
 
 
 def test_the_shipped_arenas_are_named_with_a_line_each() -> None:
@@ -84,7 +83,7 @@ def test_a_file_that_is_not_there_is_named() -> None:
     [
         ("", r"title is missing; expected one line of text"),
         ("title = 3", r"title must be one line of text, not 3"),
-        ("title = 'x'\nsize = [1, 2]", r"size is not known here; expected one of size_mm, title, wall_height_mm"),
+        ("title = 'x'\nsize = [1, 2]", r"size is not known here; expected one of title, size_mm, wall"),
         ("title = 'x'\nsize_mm = [1000]", r"size_mm must be a list of 2 numbers from 200 to 5000, not \[1000\]"),
         ("title = 'x'\n[base]\nside_mm = 180", r"base\.corner is missing; expected one of south-west"),
         ("title = 'x'\n[[lamp]]\nname = 'l'\nat_mm = [1, 2]", r"lamp\[0\]\.height_mm is missing"),

@@ -1,5 +1,7 @@
 """The score's definitions, step by step."""
 
+import re
+
 import pytest
 
 from khepera_hil.world.score import Score
@@ -18,12 +20,11 @@ def run(
 
 
 def test_nothing_happened() -> None:
-    assert run("." * 100) == {
-        "base_reached_s": None,
-        "contact_longest_s": 0.0,
-        "contacts_over_half_second": 0,
-        "distance_m": 0.0,
-    }
+    figures = run("." * 100)
+    never = {name for name, value in figures.items() if value is None}
+    assert never == {"base_reached_s", "lamp_reached_s", "fire_burned_longest_s"}
+    assert all(value == 0 for name, value in figures.items() if name not in never)
+    assert set(figures) == set(re.findall(r"^ {8}([a-z_]+)$", Score.figures.__doc__ or "", re.MULTILINE))
 
 
 def test_a_contact_lasts_from_its_first_step_to_its_last() -> None:

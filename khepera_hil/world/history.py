@@ -1,0 +1,49 @@
+"""The last moments of the world, for sensors that are computed when they are read."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+from khepera_hil.world.lights import Light
+from khepera_hil.world.shapes import Pose
+
+__all__ = ["SCANS_A_STEP", "History", "Moment"]
+
+SCANS_A_STEP = 2
+"""One sensor is scanned each 2.5 ms, two in a step of the physics."""
+
+SENSORS = 8
+
+
+class Moment(NamedTuple):
+    """Where everything is at the end of one step: lengths in mm.
+
+    ``places`` are the movable shapes' (None: not on the floor). A moment never changes, and neither do its parts.
+    """
+
+    step: int
+    pose: Pose
+    places: list[Pose | None]
+    lights: tuple[Light, ...]
+
+
+class History:
+    """As many moments as the eight sensors may still show, the latest last."""
+
+    def __init__(self, start: Moment) -> None:
+        # Eight scans reach into five steps at the most.
+        reach = -(-(SENSORS - 1) // SCANS_A_STEP)
+        self.moments = deque([start] * (reach + 1), maxlen=reach + 1)
+
+    def scanned(self, scan: int) -> list[Moment]:
+        """The moment at which each sensor was scanned for the last time, when scan ``scan`` is done (0: the first).
+
+        Sensors are scanned in turn; before the first scan they saw what there was at power-up.
+        """
+        now = scan // SCANS_A_STEP
+        return [self.moments[-1 - now + self._step(scan, sensor)] for sensor in range(SENSORS)]
+
+    @staticmethod
+    def _step(scan: int, sensor: int) -> int:
+        return (scan - (scan - sensor) % SENSORS) // SCANS_A_STEP

@@ -1,0 +1,141 @@
+"""The eight sensors on their own schedule: one is scanned each 2.5 ms, and its values stand for 20 ms.
+
+A value is computed when it is read, from the moment at which its sensor was scanned; it equals the one that
+would have been computed at once, and nobody's reading changes anybody's noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from khepera_hil.world.history import SENSORS, History, Moment
+from khepera_hil.world.lights import Lamp
+from khepera_hil.world.noise import FrameNoise
+from khepera_hil.world.scene import Scene
+from khepera_hil.world.sensors import SENSOR_HEIGHT, Sensors
+from khepera_hil.world.shapes import Pose, Shape
+
+__all__ = ["Scanner", "Stage"]
+
+Array = NDArray[np.float64]
+
+_PROXIMITY_NOISE = 25.0  # counts, additive: third differences along the measured tables
+_BACKGROUND = 10.0  # counts up to which a sensor that sees nothing answers: half zeros, else up to 12
+_LIGHT_NOISE = 4.4  # counts, from the measured table
+
+
+class Stage:
+    """A scene in which the movable shapes, given by their places in it, are put where a moment has them."""
+
+    def __init__(self, scene: Scene, movables: Sequence[int]) -> None:
+        self._scene = scene
+        self._movables = movables
+        self._placed: list[Pose | None] = []
+
+    def at(self, places: list[Pose | None]) -> Scene:
+        """The scene with everything at its place."""
+        if places is not self._placed:
+            for number, (place, new) in enumerate(zip(self._movables, places, strict=True)):
+                if not self._placed or self._placed[number] != new:
+                    self._scene.place(place, new)
+            self._placed = places
+        return self._scene
+
+
+class Scanner:
+    """One robot's sensors among ``shapes``; their noise is drawn from the two seeds. Scans are counted from 0."""
+
+    def __init__(
+        self,
+        sensors: Sensors,
+        shapes: Sequence[Shape],
+        movables: Sequence[int],
+        proximity: np.random.SeedSequence,
+        light: np.random.SeedSequence,
+    ) -> None:
+        self._sensors = sensors
+        self._stage = Stage(Scene(shapes, SENSOR_HEIGHT), movables)
+        self._proximity_noise = FrameNoise(proximity)
+        self._light_noise = FrameNoise(light)
+        self._read_proximity: tuple[int, list[int]] = (-1, [])
+        self._read_light: tuple[int, list[int]] = (-1, [])
+        self._clean: tuple[int, Array] = (-1, np.zeros(SENSORS))
+        self._broken: dict[tuple[str, int], int] = {}
+
+    def break_sensor(self, sensor: int, of: str, reads: int | None) -> None:
+        """Sensor 0..7 answers ``reads`` from now on (None: what it sees); ``of``: proximity, light or both."""
+        for sense in ("proximity", "light") if of == "both" else (of,):
+            self._broken.pop((sense, sensor), None)
+            if reads is not None:
+                self._broken[sense, sensor] = min(reads, 1023 if sense == "proximity" else 511)
+
+    def proximity(self, scan: int, history: History) -> list[int]:
+        """The eight values after scan ``scan``, 0..1023."""
+        if self._read_proximity[0] != scan:
+            moments = history.scanned(scan)
+            clean = np.zeros(SENSORS)
+            for rows, places, poses in _together(moments):
+                clean[rows] = self._sensors.proximity(self._stage.at(places), poses)[rows]
+            now = moments[scan % SENSORS]
+            shining = [(light.lamp, 2 * light.lamp.intensity) for light in now.lights]  # a flicker's most
+            if self._sensors.may_be_blinded(now.pose, shining):
+                clean = clean * self._sensors.blinded(self._light(scan, history))
+            normal, uniform = self._proximity_noise.scanned(scan)
+            noisy = np.rint(clean + _PROXIMITY_NOISE * normal)
+            nothing = np.where(uniform < 0.5, 0, np.floor((uniform - 0.5) * 24) + 1)
+            values = np.clip(np.where(clean > _BACKGROUND, noisy, nothing), 0, 1023)
+            self._read_proximity = (scan, values.astype(int).tolist())
+        return self._with_broken("proximity", self._read_proximity[1])
+
+    def light(self, scan: int, history: History) -> list[int]:
+        """The eight values after scan ``scan``, 0..511, low is bright."""
+        if self._read_light[0] != scan:
+            normal, _ = self._light_noise.scanned(scan)
+            values = np.clip(np.rint(self._light(scan, history) + _LIGHT_NOISE * normal), 0, 511)
+            self._read_light = (scan, values.astype(int).tolist())
+        return self._with_broken("light", self._read_light[1])
+
+    def _light(self, scan: int, history: History) -> Array:
+        """Ambient light without noise, shape (8,)."""
+        if self._clean[0] != scan:
+            moments = history.scanned(scan)
+            lights = _shining(moments)
+            clean = np.zeros(SENSORS)
+            for rows, places, poses in _together(moments):
+                clean[rows] = self._sensors.light(self._stage.at(places), poses, lights)[rows]
+            self._clean = (scan, clean)
+        return self._clean[1]
+
+    def _with_broken(self, sense: str, values: list[int]) -> list[int]:
+        if not self._broken:
+            return values
+        return [self._broken.get((sense, sensor), value) for sensor, value in enumerate(values)]
+
+
+def _together(moments: list[Moment]) -> Iterator[tuple[slice | list[int], list[Pose | None], list[Pose]]]:
+    """Sensors that were scanned while the movable shapes stood alike: which, the places, and the robot's poses."""
+    poses = [moment.pose for moment in moments]
+    first = moments[0].places
+    if all(moment.places is first or moment.places == first for moment in moments):
+        still = all(pose == poses[0] for pose in poses)
+        yield slice(None), first, poses[:1] if still else poses
+        return
+    left = list(range(SENSORS))
+    while left:
+        places = moments[left[0]].places
+        rows = [sensor for sensor in left if moments[sensor].places == places]
+        left = [sensor for sensor in left if sensor not in rows]
+        yield rows, places, poses
+
+
+def _shining(moments: list[Moment]) -> list[tuple[Lamp, Array | float]]:
+    """Every lamp with how strongly it shone when each sensor was scanned."""
+    lights = moments[0].lights
+    if all(moment.lights is lights for moment in moments) and all(light.flicker is None for light in lights):
+        return [(light.lamp, light.lamp.intensity) for light in lights]
+    found = {light.lamp.name: light.lamp for moment in moments for light in moment.lights}
+    strengths = [{light.lamp.name: light.strength(moment.step) for light in moment.lights} for moment in moments]
+    return [(lamp, np.array([there.get(name, 0.0) for there in strengths])) for name, lamp in found.items()]
