@@ -14,6 +14,7 @@
     |-- WorldError                 2  an arena that cannot be read or furnished
     |-- RecordingError             6  the run's folder cannot be written, or read back
     |-- ViewerError                1  the viewer is not there, or cannot draw here
+    |-- OrderRefused               8  an order that no running program takes
     `-- ProtocolError              1  bytes that are not in the protocol's grammar (raised by ``protocol`` only)
 
 ``__main__`` turns each of them into one sentence on standard error and its ``exit_code``; nothing else
@@ -28,6 +29,7 @@ __all__ = [
     "KheperaHilError",
     "LinkLost",
     "NoAnswer",
+    "OrderRefused",
     "PortError",
     "ProtocolError",
     "RecordingError",
@@ -112,6 +114,12 @@ class RecordingError(KheperaHilError):
 
 class ViewerError(KheperaHilError):
     """The viewer is not installed, or cannot draw here."""
+
+
+class OrderRefused(KheperaHilError):
+    """An order that no running program takes, or that nobody is there to take."""
+
+    exit_code = 8
 
 
 class ProtocolError(KheperaHilError):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -39,6 +40,9 @@ class Witness(Protocol):
 
     def poses(self) -> Mapping[str, Pose]:
         """The true poses of everything that moves or can be moved, the robot (``robot``) among it."""
+
+    def heard_alarm(self) -> None:
+        """The program sounded its alarm."""
 
 
 class Service:
@@ -78,6 +82,7 @@ class Service:
         self._stopwatch, self._wall = stopwatch, wall
         self._reason: str | None = None
         self._raw: dict[str, str] = {}
+        self._commanding = False
         self._blind_periods = self._silent_in_a_row = 0
         self._told: dict[str, Pose] = {}
         self._shapes = {
@@ -170,6 +175,9 @@ class Service:
         self._raw = {}  # what is said from here on belongs to no tick
         try:
             self.rested = self._khepera.stop()
+            for letter, *values in getattr(self._controller, "at_rest", ()):
+                with contextlib.suppress(RobotError):  # the wheels stand still; that is what counts
+                    self._khepera.command(str(letter), *values)
         except LinkLost:
             if self.ended != "error":
                 raise  # else the error that ended the loop says more
@@ -214,14 +222,29 @@ class Service:
     def _act(self, tick: Tick, decision: Decision) -> None:
         tick.evidence, tick.clipped = dict(decision.evidence), dict(decision.clipped)
         tick.u, tick.draws = dict(decision.u), dict(decision.draws)
+        tick.events.extend(decision.events)
         tick.answers = {key: self._answer(key, given) for key, given in decision.answers.items()}
         self._send(tick, decision.left, decision.right)
+        self._command(tick, decision.commands)
+        if self._witness is not None and any(level == "alarm" for level, _ in decision.events):
+            self._witness.heard_alarm()
 
     def _send(self, tick: Tick, left: int, right: int) -> None:
         try:
             tick.command = self._khepera.set_speed(left, right)
         except RobotError as error:
             tick.events.append(("warning", f"speeds not acknowledged: {error}"))
+
+    def _command(self, tick: Tick, commands: Sequence[tuple[int | str, ...]]) -> None:
+        """What the body does beyond its wheels. It is none of the readings, so it stands in the log as a whole."""
+        for letter, *values in commands:
+            self._commanding = True
+            try:
+                self._khepera.command(str(letter), *values)
+            except RobotError as error:
+                tick.events.append(("warning", f"{','.join(map(str, (letter, *values)))} not acknowledged: {error}"))
+            finally:
+                self._commanding = False
 
     def _without_data(self, tick: Tick, error: Exception) -> None:
         tick.events.append(("warning", f"no data: {error}"))

@@ -39,6 +39,11 @@ class Decision:
     right: int
     """Speeds to send, in units of the manual's command D."""
     clipped: Mapping[str, int] = field(default_factory=dict)
+    events: Sequence[tuple[str, str]] = ()
+    """What the user should know of this tick: level (info, warning) and a sentence."""
+    commands: Sequence[tuple[int | str, ...]] = ()
+    """Requests beside D that are sent after it, letter and values: ``("W", 1, 32)``. One that is not confirmed is an
+    event and nothing more, so a controller says again what matters."""
 
 
 class Controller(Protocol):
