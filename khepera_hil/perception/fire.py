@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from math import sqrt
+from statistics import median
 
 from khepera_hil.perception.readings import LIGHT_MAX
 
@@ -26,10 +27,12 @@ BLOWS = 3
 _DARK = 490  # readings below are brightness
 _WINDOW = 10  # second differences that are looked at
 _ENOUGH = 8  # of them that must be there, between turns
+_MEDIAN = 0.6745 * sqrt(6)  # of the magnitude of a second difference, to the deviation of what flickers
 _FLICKER = 18.0  # counts of summed brightness: three times what eight sensors' noise makes of it
 _SHARE = 0.06  # of the brightness: what motion makes of a steady light's
 _TURN = 0.12  # radians a tick: faster than this the lobes of the sensors show
 _BRIGHT = 60  # counts of the brightest sensor below which nothing is seen of a flame
+_LAMP = 370  # and above which it is taken for the lamp of the base
 _AHEAD = 7  # of DirL
 _CONFIRM = 3
 _SATURATED = 12  # ProxL
@@ -50,7 +53,8 @@ class Fire:
     def __init__(self) -> None:
         self.burning = False
         self.flicker: float | None = None
-        """Deviation of the summed brightness that is neither the robot's way nor its turns, in counts."""
+        """Deviation of the summed brightness that is neither the robot's way nor its turns, in counts; by the median,
+        so that a step into the light of the base, or into a shadow, is no flicker."""
         self.events: list[str] = []
         """What became of the fire in the last tick."""
         self._sums: deque[float | None] = deque(maxlen=_WINDOW + 2)
@@ -95,7 +99,8 @@ class Fire:
 
     def _look(self, brightest: int, total: float, aim: int, base: float) -> None:
         flickers = self.flicker is not None and self.flicker > max(_FLICKER, _SHARE * total)
-        seen = flickers and brightest >= _BRIGHT and abs(aim) <= _AHEAD and base < 0.5 and not self._ignore
+        # A flame is found from where no sensor is saturated: what is brighter is the base's lamp.
+        seen = flickers and _BRIGHT <= brightest <= _LAMP and abs(aim) <= _AHEAD and base < 0.5 and not self._ignore
         self._seen = self._seen + 1 if seen else 0
         if self._seen >= _CONFIRM:
             self.burning = True
@@ -132,4 +137,4 @@ class Fire:
         ]
         if len(seconds) < _ENOUGH:
             return None
-        return sqrt(sum(value * value for value in seconds) / (6 * len(seconds)))
+        return median(map(abs, seconds)) / _MEDIAN

@@ -214,6 +214,13 @@ class World:
         """The watchman sounded its alarm now; for the score."""
         self._score.alarm(self._steps * STEP)
 
+    def in_view(self) -> set[str]:
+        """The movers that are in the camera's view now and walking (see :meth:`Score.figures`, movers_seen)."""
+        walking = self._director.walking
+        if not walking:
+            return set()
+        return {self._cast.shapes[place].name for place in self._camera.sees(self._now)} & set(walking)
+
     def due(self, *kinds: type[E]) -> list[E]:
         """Events of the scenario that concern others, each once when its moment has come: orders, link faults,
         resets (:class:`~khepera_hil.world.scenario.Order` and so on)."""
