@@ -44,6 +44,9 @@ class Witness(Protocol):
     def heard_alarm(self) -> None:
         """The program sounded its alarm."""
 
+    def orders(self) -> Sequence[tuple[str, bool]]:
+        """The operator's orders since the last time, and whether each is switched on."""
+
 
 class Service:
     """Runs one controller on one robot, and owns the wheels while it does.
@@ -275,6 +278,7 @@ class Service:
         if self._witness is None:
             return
         tick.pose = _rounded(self._witness.pose())
+        tick.orders = [f"{order} {'on' if on else 'off'}" for order, on in self._witness.orders()]
         for name, pose in self._witness.poses().items():
             seen = _rounded(pose)
             if name != "robot" and self._told.get(name) != seen:

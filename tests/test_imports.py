@@ -159,6 +159,7 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.controllers",
         "khepera_hil.errors",
         "khepera_hil.perception",
+        "khepera_hil.reading",
         "khepera_hil.recording",
         "brp",
         "numpy",

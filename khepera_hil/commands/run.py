@@ -39,7 +39,7 @@ from khepera_hil.viewer.live import Address, address, open_live
 from khepera_hil.viewer.program import has_screen, program
 from khepera_hil.world import arenas, load_scenario, scenarios
 
-__all__ = ["main", "port_url", "run_on_robot"]
+__all__ = ["main", "parser_of_run", "port_url", "run_on_robot"]
 
 DEFAULT_WORLD = "furnished"
 LOCAL = "127.0.0.1"
@@ -49,14 +49,14 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal
 EPILOG = """\
 commands:
   khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program
-  khepera-hil teach ...     drive by joystick, keyboard or script, and keep what was done as a data set
-  khepera-hil identify ...  what a program learns from data sets
-  khepera-hil calibrate ... the light sensors, by turning before a lamp
-  khepera-hil paper ...     the paper's experiments, sections 5 to 8
   khepera-hil runs          list recorded runs
   khepera-hil review RUN    open one in the viewer, or make a picture of it
   khepera-hil replay RUN    ask its questions again, or ask another program on the same readings
   khepera-hil compare RUN RUN, explain RUN, export RUN      (each has its --help)
+  khepera-hil teach ...     drive by joystick, keyboard or script, and keep what was done as a data set
+  khepera-hil identify ...  what a program learns from data sets
+  khepera-hil calibrate ... the light sensors, by turning before a lamp
+  khepera-hil paper ...     the paper's experiments, sections 5 to 8
 
 examples:
   khepera-hil --program home --duration 60                    on the emulated robot
@@ -71,12 +71,11 @@ exit codes: 0 ended well (duration, Ctrl-C, SIGTERM)  2 wrong arguments  3 port 
 
 def main(arguments: Sequence[str]) -> int:
     """Run a program on a robot, record it, and say how it went."""
-    asked = _parser().parse_args(arguments)
+    asked = parser_of_run().parse_args(arguments)
     if asked.list:
         _list()
         return 0
     existing_name("program", asked.program, list(PROGRAMS))
-    _live(asked)  # refused before anything is opened
     chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
     url = port_url(asked.port, asked.world, asked.scenario, fast=asked.fast, seed=chosen_seed)
     setting = setting_of(asked)
@@ -100,6 +99,7 @@ def run_on_robot(
     ``on_open`` is told who sees the robot from outside (or None) and the service, before the first tick; what it
     returns hears of every tick. ``note`` is shown in the terminal's line.
     """
+    live = _live(asked)
     # From here on pyserial knows emulator:// (a module protocol_emulator in our package of handlers).
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
@@ -118,17 +118,16 @@ def run_on_robot(
         )
         listener = on_open(witness, service)
         with _signals(service):
-            _run(asked, chosen_seed, url, service, clock, witness, about, listener, note)
+            _run(asked, chosen_seed, url, service, clock, witness, live, about, listener, note)
 
 
 def _live(asked: argparse.Namespace) -> Address | None:
     """Where viewers of the running loop are served, if they are."""
-    view, serve = getattr(asked, "view", False), getattr(asked, "serve", None)  # lessons have no such flags
-    if view and not has_screen():
+    if asked.view and not has_screen():
         raise UsageError("there is no screen here to open the viewer on; --serve shows the run in a browser")
-    if not (view or serve):
+    if not (asked.view or asked.serve):
         return None
-    return address(serve or LOCAL)
+    return address(asked.serve or LOCAL)
 
 
 def _run(
@@ -138,6 +137,7 @@ def _run(
     service: Service,
     clock: Clock,
     witness: Any,
+    live: Address | None,
     about: dict[str, Any],
     listener: Listener | None,
     note: Callable[[], str],
@@ -167,7 +167,7 @@ def _run(
         if listener is not None:
             recording.follow(listener)
         viewer.wait_until_open()
-        if (live := _live(asked)) is not None:
+        if live is not None:
             looking = partial(open_live, recording.manifest, live, page=bool(asked.serve), window=asked.view)
             recording.follow(Follower(looking, name="the live view", waits=False))
             if asked.serve:
@@ -289,8 +289,8 @@ def _signals(service: Service) -> Iterator[None]:
 
 def _list() -> None:
     print("programs (--program):")
-    for name, program in PROGRAMS.items():
-        print(f"  {name:13} {program.about}")
+    for name, one in PROGRAMS.items():
+        print(f"  {name:13} {one.about}")
     print("arenas of the emulator (--world):")
     for name, looks in arenas().items():
         print(f"  {name:13} {looks}")
@@ -299,7 +299,8 @@ def _list() -> None:
         print(f"  {name:13} {happens}")
 
 
-def _parser() -> Parser:
+def parser_of_run() -> Parser:
+    """The options of a run."""
     parser = Parser(
         "khepera-hil", "Run a Bayesian robot program on a Khepera and record every distribution.", EPILOG
     )

@@ -16,7 +16,7 @@ from brp.programs.obstacle import Dir, Prox, Vrot
 from brp.programs.phototaxy import Theta1
 from khepera_hil import chance
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
-from khepera_hil.commands.run import port_url, run_on_robot
+from khepera_hil.commands.run import parser_of_run, port_url, run_on_robot
 from khepera_hil.errors import RecordingError, UsageError
 from khepera_hil.recording import Tick as Turn
 from khepera_hil.service import Service
@@ -86,7 +86,10 @@ def main(arguments: Sequence[str]) -> int:
         raise UsageError(f"there is no folder for {asked.out}: make it first")
     chosen = secrets.randbits(32) if asked.seed is None else asked.seed
     world = asked.world or (WORLDS[asked.behavior] if asked.port.lower() == "emulator" else None)
-    url = port_url(asked.port, world, fast=asked.fast, seed=chosen)
+    words = ["--port", asked.port, "--baud", str(asked.baud), "--period", str(asked.period), "--seed", str(chosen)]
+    run = parser_of_run().parse_args([*words, "--duration", str(asked.duration), "--runs", str(asked.runs)])
+    run.fast, run.json, run.world, run.program = asked.fast, asked.json, world, f"teach-{asked.behavior}"
+    url = port_url(run.port, run.world, run.scenario, fast=run.fast, seed=chosen)
     lesson = Lesson(asked.behavior, _NoHand())
     hand = _hand(asked.teacher)
 
@@ -96,11 +99,9 @@ def main(arguments: Sequence[str]) -> int:
         )
         return _Listening(lesson, service)
 
-    asked.program = f"teach-{asked.behavior}"
-    asked.verify = False
     try:
         run_on_robot(
-            asked,
+            run,
             chosen,
             url,
             lesson,

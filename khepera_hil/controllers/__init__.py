@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 from brp.programs.obstacle import obstacle
 from brp.programs.phototaxy import pi_phototaxy1
-from khepera_hil.controllers import avoid, follow, home, phototaxy, push
+from khepera_hil.controllers import avoid, follow, fusion, home, object, phototaxy, push
 from khepera_hil.controllers.base import Controller, Decision, Program, Setting
 
 __all__ = ["PROGRAMS", "Controller", "Decision", "Program", "Setting"]
@@ -26,8 +26,12 @@ PROGRAMS: Mapping[str, Program] = MappingProxyType(
             ("Theta1",),
             pi_phototaxy1,
         ),
+        "fusion": Program("drive to the light by all eight sensors, and watch them (section 6)", fusion.controller),
         "home": Program(
             "go back to the lit base, avoiding obstacles (section 7)", home.controller, ("Dir", "Prox", "Theta1")
+        ),
+        "object": Program(
+            "go around objects and recognise them (section 8)", object.controller, _OBSTACLE, obstacle
         ),
     }
 )

@@ -12,7 +12,8 @@ from brp import BrpError, Description, Specification, Variable
 from brp.data import names, shipped_file
 from brp.store import load, load_data, save_data
 from khepera_hil.errors import RecordingError, UsageError
-from khepera_hil.recording import LOG, read_manifest, read_ticks
+from khepera_hil.reading import read_manifest, read_ticks
+from khepera_hil.recording import LOG
 from khepera_hil.teaching.lesson import Tick
 
 __all__ = ["TICK", "DataSet", "data_set", "joined", "learnt", "taught"]

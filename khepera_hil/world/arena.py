@@ -6,7 +6,6 @@ import math
 import re
 from dataclasses import dataclass, field, replace
 
-from khepera_hil.errors import WorldError
 from khepera_hil.world.shapes import BODY_RADIUS, Kind, Pose, Shape, box, disc, overlap
 from khepera_hil.world.tables import Range, Table, read_table, shipped
 from khepera_hil.world.things import read_body, read_pose, read_thing
@@ -151,26 +150,26 @@ def _arena(name: str, table: Table) -> Arena:
         room_light=table.number("room_light", 0, 30, 0.0),
         base=_base(table.table("base"), min(width, depth)),
         lamps=tuple(_lamp(lamp, width, depth) for lamp in table.tables("lamp")),
-        things=tuple(things),
+        things=tuple(thing for thing, _ in things),
         shelved=shelved,
         stage=_stage(table.table("stage"), width, depth),
         scatter=_scatter(table.table("scatter")),
     )
     arena = replace(arena, start=_start(table.table("start"), arena))
     table.end()
-    _check(arena, things)
+    _check(arena, things, table)
     return arena
 
 
-def _check(arena: Arena, things: dict[Shape, Table]) -> None:
+def _check(arena: Arena, things: list[tuple[Shape, Table]], whole: Table) -> None:
     """Names and places of what the file puts on the floor, against each other and the base's walls."""
     standing: list[Shape] = base_walls(arena)
     names = {*RESERVED, *(wall.name for wall in arena_walls(arena) + standing)}
     for lamp in arena.lamps:
         if lamp.name in names:
-            raise WorldError(f"{arena.name}.toml: lamp.name must be new; there is a {lamp.name!r} already")
+            raise whole.wrong("lamp.name", f"must be new; there is a {lamp.name!r} already")
         names.add(lamp.name)
-    for thing, table in things.items():
+    for thing, table in things:
         if thing.name in names:
             raise table.wrong("name", f"must be new; there is a {thing.name!r} already")
         names.add(thing.name)
@@ -219,22 +218,22 @@ def _lamp(table: Table, width: float, depth: float) -> LampPlan:
     return lamp
 
 
-def _things(table: Table, width: float, depth: float) -> tuple[dict[Shape, Table], frozenset[str]]:
+def _things(table: Table, width: float, depth: float) -> tuple[list[tuple[Shape, Table]], frozenset[str]]:
     """Things with their tables, and the names of those that do not stand on the floor."""
-    things: dict[Shape, Table] = {}
+    things: list[tuple[Shape, Table]] = []
     shelved = []
     floor = max(width, depth)
     kinds: dict[str, Kind] = {"wall": "fixed", "block": "block", "disc": "disc"}
     for key, kind in kinds.items():
         for item in table.tables(key):
-            things[read_thing(item, kind, floor)] = item
+            things.append((read_thing(item, kind, floor), item))
     for item in table.tables("object"):
         placed = item.has("at_mm")
         shape = read_body(item, read_pose(item, floor) if placed else (0.0, 0.0, 0.0))
-        things[shape] = item
+        things.append((shape, item))
         if not placed:
             shelved.append(shape.name)
-    for item in things.values():
+    for _, item in things:
         item.end()
     return things, frozenset(shelved)
 
