@@ -15,8 +15,9 @@ from khepera_hil.errors import WireTooSlow
 from khepera_hil.perception import Need
 from khepera_hil.plausible import READINGS, TRUST
 from khepera_hil.protocol import BAUD_RATES, COMMANDS, encode_request, wire_seconds
+from khepera_hil.turrets import longest_turret_answer
 
-__all__ = ["READ_BACK", "RESERVE", "SPEEDS", "Plan", "plan", "seconds"]
+__all__ = ["READ_BACK", "RESERVE", "SPEEDS", "Plan", "needed", "plan", "seconds"]
 
 RESERVE = 0.1
 """The part of a period that the wire must leave free."""
@@ -25,10 +26,6 @@ READ_BACK = 10
 """Ticks from one reading of the wheels' measured speeds (command E) to the next."""
 
 SPEEDS = Need("E", every=READ_BACK)
-
-# Numbers in the longest answers of the K213, and the widest of them; a turret's other answers are taken to be
-# as long as the longest of these.
-_K213 = {"N": 64, "S": 32, "M": 32, "T": 16, "R": 16, "Q": 8, "L": 2, "O": 1, "P": 1}
 
 _KHEPERA_RATES = BAUD_RATES[:3]  # what the jumpers of the first Khepera can be set to
 
@@ -51,9 +48,8 @@ def seconds(need: Need, baud: int, *, verify: bool = False) -> float:
     """Seconds that a need is on the wire at the most; with ``verify`` as often as it may have to be asked."""
     command = COMMANDS[need.letter]
     longest = command.longest_answer
-    if need.letter == "T" and need.values[0] == 2:
-        letter = str(need.values[1])[:1]
-        longest = len("t,2,n") + _K213[letter] * len(",255") + 2 if letter in _K213 else longest
+    if need.letter == "T":
+        longest = longest_turret_answer(int(need.values[0]), str(need.values[1])) or longest
     # D is the one request whose values the plan does not know.
     asked = command.longest_request if need.letter == "D" else len(encode_request(need.letter, *need.values))
     times = READINGS if verify and need.letter in TRUST else 1
@@ -84,6 +80,11 @@ def plan(program: str, needs: Iterable[str | Need], *, baud: int, period: float,
         f"{_room(period) * 1000:.0f} ms that a period of {period * 1000:g} ms leaves for the wire: "
         f"use {_either(ways)}"
     )
+
+
+def needed(needs: Iterable[str | Need], baud: int, *, verify: bool = False) -> float:
+    """Seconds that the fullest tick of a program with these needs is on the wire."""
+    return _spread([Need(need) if isinstance(need, str) else need for need in needs], baud, verify).worst
 
 
 def _room(period: float) -> float:

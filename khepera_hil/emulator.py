@@ -12,8 +12,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from khepera_hil.protocol import RequestLines
-from khepera_hil.rom import KHEPERA, Rom, model_for
-from khepera_hil.rom.fitted import DEFAULT_FITTINGS
+from khepera_hil.rom import DEFAULT_FITTINGS, KHEPERA, Rom, model_for
 from khepera_hil.uart import Fifo, Line
 from khepera_hil.world import Reset, World
 from khepera_hil.world.world import STEP
@@ -142,6 +141,16 @@ class Emulator:
         """Take out what has come to the host's driver by ``now``."""
         self.advance(now)
         return self._fifo.shown(now)
+
+    @property
+    def talking(self) -> bool:
+        """Whether anything is under way that came from the host or goes to it."""
+        return bool(
+            self._waiting
+            or self._to_robot.next_arrival() is not None
+            or self._to_host.next_arrival() is not None
+            or self._fifo.next_show() is not None
+        )
 
     def next_event(self) -> float | None:
         """A moment before which the host sees no further byte, unless it sends something (None: never).

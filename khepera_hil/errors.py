@@ -10,6 +10,7 @@
     |   |-- Refused                4  the robot said that it did not understand the command
     |   |-- RobotReset             4  the robot was reset in mid-session: it forgot its speeds
     |   `-- Implausible            4  what was read twice does not agree, or cannot be after what was read before
+    |-- GuardLost                  7  the guard, which would stop the wheels in our place, is not there
     |-- WireTooSlow                5  what a tick needs does not fit into the period at this baud rate
     |-- WorldError                 2  an arena that cannot be read or furnished
     |-- RecordingError             6  the run's folder cannot be written, or read back
@@ -25,6 +26,7 @@ from __future__ import annotations
 
 __all__ = [
     "BadAnswer",
+    "GuardLost",
     "Implausible",
     "KheperaHilError",
     "LinkLost",
@@ -92,6 +94,12 @@ class RobotReset(RobotError):
 
 class Implausible(RobotError):
     """Readings that no robot could give that was read just before, or that do not agree with themselves."""
+
+
+class GuardLost(KheperaHilError):
+    """The guard, which would stop the wheels in our place, is not there, or has acted."""
+
+    exit_code = 7
 
 
 class WireTooSlow(KheperaHilError):

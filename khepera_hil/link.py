@@ -23,8 +23,9 @@ from khepera_hil.errors import (
     RobotError,
     RobotReset,
 )
-from khepera_hil.opening import PORT_ERRORS, Port, close_port
+from khepera_hil.opening import PORT_ERRORS, Port, close_port, rivals
 from khepera_hil.protocol import COMMANDS, encode_request, is_refusal, parse_answer, wire_seconds
+from khepera_hil.turrets import longest_turret_answer, parse_turret_answer
 
 __all__ = ["MARGIN", "Counters", "Link"]
 
@@ -41,6 +42,9 @@ SILENCE = 0.005
 
 RESYNCHRONISATION = 0.3
 """Seconds after which a resynchronisation begins nothing new and gives up."""
+
+LOOK_AGAIN = 1.0
+"""Seconds after which it is looked again whether somebody else reads from the port, when answers are missing."""
 
 PROBES = ("B", "K", "E")
 """Requests that change nothing and that a tick does not use."""
@@ -101,13 +105,14 @@ class Link:
         self._seam = b""  # the end of what came last: a boot text may come in pieces
         self._in_session = False  # whether the robot has answered since the session began
         self._reset = False  # and whether it was reset since
+        self._look_again = 0.0
         self._asked = 0
         self._last_asked = dict.fromkeys(PROBES, 0)
 
     @property
     def name(self) -> str:
         """The port's name, for the sentences that the user reads."""
-        return str(self.port.port)
+        return str(self.port.port).partition("?")[0]
 
     @property
     def synchronised(self) -> bool:
@@ -135,6 +140,10 @@ class Link:
                 self.counters.bad_answer += 1
             elif isinstance(error, Refused):
                 self.counters.refused += 1
+            if others := self._rivals(error):
+                raise type(error)(
+                    f"{error}; {self.name} is also open in {others}, which takes bytes away"
+                ) from error
             raise
         self._synchronised = True
         self.counters.accepted += 1
@@ -150,6 +159,26 @@ class Link:
         self._synchronised = False
         self._write(request)
         self._report(request, b"")
+
+    def tool(self, text: str, seconds: float = 1.0) -> str:
+        """Send one of the robot's text commands, such as ``net``; what it prints within so many seconds.
+
+        Such texts have no end mark: they are read until the line is quiet, and nothing in them is checked but that
+        it is no boot text. The next request resynchronises first. Raises RobotReset and LinkLost.
+        """
+        self._raise_reset()
+        self._synchronised = False
+        request = text.encode("ascii") + b"\n"
+        give_up = self.clock.now() + seconds
+        self._write(request)
+        printed = bytearray()
+        chunk = self._read(seconds)  # the first may take its time
+        while chunk and self.clock.now() < give_up:
+            printed += chunk
+            chunk = self._read(2 * QUIET)
+        self._report(request, bytes(printed))
+        self._raise_reset()
+        return printed.decode("ascii", "backslashreplace")
 
     def begin(self) -> None:
         """Begin a session with whoever is there now: as :meth:`resynchronise`, but a boot text is nothing new."""
@@ -233,6 +262,8 @@ class Link:
         if letter in self._last_asked:
             self._last_asked[letter] = self._asked
         longest = COMMANDS[letter].longest_answer
+        if letter == "T":
+            longest = longest_turret_answer(int(values[0]), str(values[1])) or longest
         allowed = wire_seconds(len(request) + longest, self.baud) + self.margin
         deadline = self.clock.now() + allowed
         self._write(request)
@@ -257,11 +288,18 @@ class Link:
             raise Refused(f"the robot refused {request[:60]!r}: {bytes(answer[:60])!r}")
         try:
             result = parse_answer(letter, bytes(answer))
+            if letter == "T":
+                _check_turret(values, result)
         except ProtocolError as error:
             raise BadAnswer(str(error)) from error
-        if COMMANDS[letter].form == "turret" and not _same_turret(values, result):
-            raise BadAnswer(f"another turret's answer to {request!r}: {bytes(answer[:60])!r}")
         return answer[:-2].decode("ascii"), result
+
+    def _rivals(self, error: RobotError) -> str:
+        """Who else may have read what we miss; looked for once in a while, since it takes some milliseconds."""
+        if not isinstance(error, (NoAnswer, BadAnswer)) or self.clock.now() < self._look_again:
+            return ""
+        self._look_again = self.clock.now() + LOOK_AGAIN
+        return ", ".join(rivals(self.port))
 
     def _report(self, sent: bytes, came: bytes) -> None:
         if self.on_exchange is not None:
@@ -322,6 +360,12 @@ class Link:
         return LinkLost(self._lost)
 
 
-def _same_turret(asked: tuple[int | str, ...], answered: tuple[int | str, ...]) -> bool:
-    """Whether turret and letter of an answer are those of the request."""
-    return asked[0] == answered[0] and str(asked[1])[:1].lower() == str(answered[1])[:1]
+def _check_turret(asked: tuple[int | str, ...], answered: tuple[int | str, ...]) -> None:
+    """Hold a turret's answer to what was asked, and strictly where its tables know it. Raises ProtocolError."""
+    number, command = int(asked[0]), str(asked[1])[:1]
+    if answered[0] != number or str(answered[1])[:1] != command.lower():
+        raise ProtocolError(
+            f"asked T,{number},{command}, got another's answer: t,{answered[0]},{answered[1]}"[:120]
+        )
+    if longest_turret_answer(number, command) is not None:
+        parse_turret_answer(number, command, str(answered[1]))

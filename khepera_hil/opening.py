@@ -8,15 +8,19 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 import re
+import select
 import socket
-from collections.abc import Iterator
-from typing import Protocol
+import time
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, Protocol
 
 import serial
 from serial import rfc2217
 from serial.tools import list_ports
 
+from khepera_hil import adapter
 from khepera_hil.errors import PortError
 
 try:
@@ -24,9 +28,12 @@ try:
 except ImportError:  # a host without termios cannot raise its error either
     TermiosError = OSError  # type: ignore[misc,assignment]  # stands for the class that is not there
 
-__all__ = ["PORT_ERRORS", "WRITE_TIMEOUT", "Port", "close_port", "open_port"]
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
-WRITE_TIMEOUT = 0.5
+__all__ = ["PORT_ERRORS", "WRITE_TIMEOUT", "Port", "close_port", "descriptor", "open_port", "reopen", "rivals"]
+
+WRITE_TIMEOUT = 0.08
 """Seconds for a request of a few bytes to be taken by the host; only a peer that stopped reading needs more."""
 
 PORT_ERRORS = (OSError, TermiosError)
@@ -69,6 +76,25 @@ class Port(Protocol):
         """Give the port back."""
 
 
+class _Device(serial.Serial):
+    """A device, whose writing has one deadline: pyserial calls a write that was done, but late, a failure too."""
+
+    def write(self, b: ReadableBuffer, /) -> int:
+        """Hand bytes to the line. Raises SerialTimeoutException when it does not take them in time."""
+        if not self.is_open:
+            raise serial.PortNotOpenError
+        data = bytes(memoryview(b))
+        fd, length = self.fileno(), len(data)
+        deadline = time.monotonic() + WRITE_TIMEOUT
+        while data:
+            with contextlib.suppress(BlockingIOError):
+                data = data[os.write(fd, data) :]
+            left = deadline - time.monotonic()
+            if data and not select.select([], [fd], [], max(left, 0.0))[1] and left <= 0:
+                raise serial.SerialTimeoutException("what is written is not taken")
+        return length
+
+
 class _PortServer(rfc2217.Serial):
     """pyserial's client of RFC 2217 port servers, made fit for one deadline for each request.
 
@@ -104,11 +130,11 @@ class _PortServer(rfc2217.Serial):
         return data
 
 
-def open_port(url: str, baud: int) -> Port:
+def open_port(url: str, baud: int, say: Callable[[str], None] = lambda remark: None) -> Port:
     """Open whatever ``serial_for_url`` takes: 8 data bits, 2 stop bits, no parity, no flow control (manual, 3.1.3).
 
-    A device is locked against other users of such locks, and its adapter asked to pass bytes on at once. Raises
-    PortError, one sentence that says what to do.
+    A device is locked against other users of such locks, and its adapter asked to pass bytes on at once; ``say``
+    gets a sentence where it will not. Raises PortError, one sentence that says what to do.
     """
     port = None
     try:
@@ -119,15 +145,38 @@ def open_port(url: str, baud: int) -> Port:
         if port is not None:
             close_port(port)
         raise PortError(_what_to_do(url, baud, error)) from error
-    if isinstance(port, serial.Serial):
-        # No adapter with a latency timer, or one that cannot be told: the link's margin allows for it.
-        with contextlib.suppress(*PORT_ERRORS, AttributeError, ValueError, NotImplementedError):
-            port.set_low_latency_mode(True)
+    if isinstance(port, _Device):
+        if others := rivals(port):
+            close_port(port)
+            raise PortError(f"{url!r} is in use by another program, {', '.join(others)}: end that first")
+        if (remark := adapter.hurry(port)) is not None:
+            say(remark)
     line = _socket_of(port)
     if line is not None:
         # Two small packets in a row, as a resynchronisation sends, would wait for the peer's delayed receipt.
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return port
+
+
+def reopen(port: Port, url: str, baud: int, say: Callable[[str], None] = lambda remark: None) -> Port:
+    """Open anew what was lost. Raises PortError while it is not there.
+
+    Everything is opened by its name, as at first; but the robot inside this process is the one that ``port`` knows.
+    """
+    if not getattr(port, "unplugged", False):
+        return open_port(url, baud, say)
+    try:
+        port.open()  # type: ignore[attr-defined]  # only an emulator's port can be unplugged so
+    except PORT_ERRORS as error:
+        raise PortError(f"{url!r} is unplugged") from error
+    return port
+
+
+def rivals(port: Port) -> list[str]:
+    """Other programs that have the same device open, where that can be seen (see :func:`adapter.rivals`)."""
+    if not isinstance(port, _Device) or not port.is_open:
+        return []
+    return adapter.rivals(port.fileno())
 
 
 def close_port(port: Port) -> None:
@@ -139,21 +188,37 @@ def close_port(port: Port) -> None:
         line.close()  # pyserial leaves a socket open whose peer went first
 
 
+def descriptor(port: Port) -> int | None:
+    """The descriptor by which another process can write to an open port; None for a port that has none.
+
+    What is written to a device, a socket or a port server's socket comes out at the robot as it is.
+    """
+    line = _socket_of(port)
+    try:
+        number = line.fileno() if line is not None else port.fileno()  # type: ignore[attr-defined] # of some kinds only
+    except (OSError, AttributeError, ValueError):
+        return None
+    return number if isinstance(number, int) and number >= 0 else None
+
+
 def _unopened(url: str, baud: int) -> serial.Serial | _PortServer:
     """The port of the class that the name asks for."""
     if _kind(url) == "rfc2217":
         port = _PortServer(None, baud, stopbits=serial.STOPBITS_TWO, timeout=0)
         port.port = url
         return port
-    return serial.serial_for_url(
-        url,
-        baud,
-        stopbits=serial.STOPBITS_TWO,
-        timeout=0,
-        write_timeout=WRITE_TIMEOUT,
-        exclusive=True,
-        do_not_open=True,
-    )
+    settings: dict[str, Any] = {
+        "baudrate": baud,
+        "stopbits": serial.STOPBITS_TWO,
+        "timeout": 0,
+        "write_timeout": WRITE_TIMEOUT,
+        "exclusive": True,
+    }
+    if not _kind(url) and os.name == "posix":
+        device = _Device(None, **settings)
+        device.port = url
+        return device
+    return serial.serial_for_url(url, **settings, do_not_open=True)
 
 
 def _kind(url: str) -> str:

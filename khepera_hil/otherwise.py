@@ -10,18 +10,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
 from brp import BrpError, Description, Form, Question, Specification, Switch
 from brp.store import load, load_data
 from brp.subroutine import Renamed
-from khepera_hil import chance
+from khepera_hil import chance, transcript
 from khepera_hil.controllers import Controller
-from khepera_hil.errors import ProtocolError, UsageError
-from khepera_hil.perception import Readings
-from khepera_hil.protocol import parse_answer
+from khepera_hil.errors import UsageError
 from khepera_hil.reading import Run
 from khepera_hil.recording import Answer, Tick, Value
 from khepera_hil.replay import answered, redrawn
@@ -90,7 +88,7 @@ def with_program(run: Run, controller: Controller) -> Iterator[Tick]:
     shapes = {key: _shape(question) for key, question in controller.questions.items()}
     for tick in run.ticks():
         other = Tick(tick.tick, tick.t, raw=tick.raw, wall=tick.wall, pose=tick.pose, moved=tick.moved)
-        readings = _readings(tick, controller.needs)
+        readings = transcript.readings(tick.raw, controller.needs)
         if readings is not None:
             uniforms.left = list(tick.u.values())
             try:
@@ -204,14 +202,3 @@ def _is_data(path: Path) -> bool:
 def _shape(question: Question) -> tuple[str, tuple[str, ...], tuple[tuple[Value, ...], ...]]:
     searched = question.searched
     return question.name, tuple(v.name for v in searched), tuple(tuple(v.values) for v in searched)
-
-
-def _readings(tick: Tick, needs: Iterable[str]) -> Readings | None:
-    fields = {"N": "proximity", "O": "light"}
-    found: dict[str, Any] = {}
-    for letter in needs:
-        try:
-            found[fields[letter]] = parse_answer(letter, tick.raw[letter].encode("ascii", "replace") + b"\r\n")
-        except (KeyError, ProtocolError):
-            return None
-    return Readings(**found)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import inf
 from typing import NoReturn
 
 from khepera_hil.budget import SPEEDS, Plan
-from khepera_hil.errors import BadAnswer, Implausible, RobotError, RobotReset
+from khepera_hil.errors import BadAnswer, Implausible, ProtocolError, RobotError, RobotReset
 from khepera_hil.khepera import Khepera
 from khepera_hil.perception import Need, Readings
 from khepera_hil.plausible import TRUST, alone, doubtful, settled, sudden
+from khepera_hil.transcript import numbers
 
 __all__ = ["Checks", "Reader"]
 
@@ -84,10 +86,10 @@ class Reader:
         readings = [self._sensors(letter), self._sensors(letter)]
         self.checks.verified += 1
         way, turn = self.khepera.motion.until(self.khepera.link.clock.now())
-        old, way_since, turn_since = readings[0], 0.0, 0.0
+        old, most, moved = readings[0], inf, ""
         if (before := self._believed.get(letter)) is not None:
-            old, way_since, turn_since = before.values, way - before.way, turn - before.turn
-        most = TRUST[letter].most(way_since, turn_since)
+            old, most = before.values, TRUST[letter].most(way - before.way, turn - before.turn)
+            moved = f"{way - before.way:.1f} mm and {turn - before.turn:.2f} rad"
         if places := sorted({*doubtful(*readings), *sudden(old, readings, most)}):
             self.checks.third += 1
             readings.append(self._sensors(letter))
@@ -95,7 +97,6 @@ class Reader:
             if apart := alone(readings):
                 self._refuse(letter, apart[0], readings, "no two of them agree")
             if jumped := sudden(old, readings, most):
-                moved = f"{way_since:.1f} mm and {turn_since:.2f} rad"
                 self._refuse(letter, jumped[0], readings, f"{moved} after {old[jumped[0]]}, and not all say so")
         self._believed[letter] = _Believed(settled(readings), way, turn)
         return settled(readings)
@@ -106,14 +107,10 @@ class Reader:
         raise Implausible(f"{letter} at {_SENSORS[place]} reads {values}: {why}")
 
     def _other(self, need: Need) -> tuple[int | str, ...]:
-        values = self.khepera.link.ask(need.letter, *need.values)
-        if need.letter != "T":
-            return values
-        letter, *words = str(values[1]).split(",")
         try:
-            return (letter, *map(int, words))
-        except ValueError:
-            raise BadAnswer(f"the turret's answer to {need} is no list of numbers: {values[1]!r}") from None
+            return numbers(need, self.khepera.link.ask(need.letter, *need.values))
+        except ProtocolError as error:
+            raise BadAnswer(str(error)) from error
 
     def _read_back(self) -> None:
         """Compare the measured speeds with the orders of the last two ticks, between which the wheels may be."""

@@ -202,6 +202,7 @@ def tick_of(row: Mapping[str, Any]) -> Tick:
             tick=int(row["tick"]),
             t=_number(row["t"]),
             missed=int(row["missed"]),
+            state=str(row.get("state", "")),  # logs of before have none
             raw={str(k): str(v) for k, v in row["raw"].items()},
             orders=[str(order) for order in row["orders"]],
             evidence={str(k): _value(v) for k, v in row["evidence"].items()},

@@ -13,10 +13,10 @@ Everything else (the viewer's file, live views) is derived and hangs behind the 
 ``reading`` is the way back.
 
 The log's columns, one object a tick: ``tick`` (how many came before), ``t`` (s of robot time since the start),
-``missed`` (deadlines skipped just before), ``raw`` (command letter -> the robot's answer), ``orders`` (of the
-operator), ``evidence``, ``clipped`` (variable -> how often perception clipped it), ``answers`` (key of a
-question -> hash of its probabilities), ``sketch`` (the same -> one number made of them, see :meth:`Answer.sketch`),
-``u`` (the uniform number behind each draw), ``draws``, ``command``
+``missed`` (deadlines skipped just before), ``state`` (of the service when the tick was done), ``raw`` (command
+letter -> the robot's answer), ``orders`` (of the operator), ``evidence``, ``clipped`` (variable -> how often
+perception clipped it), ``answers`` (key of a question -> hash of its probabilities), ``sketch`` (the same -> one
+number made of them, see :meth:`Answer.sketch`), ``u`` (the uniform number behind each draw), ``draws``, ``command``
 (left, right in pulse/10 ms as the robot acknowledged them, or null), ``pose`` (x m, y m, theta rad, or null),
 ``moved`` (movable shapes whose pose changed), ``events`` (level, text), ``late_ms``, ``work_ms``, ``wall``
 (s since 1970).
@@ -123,6 +123,7 @@ class Tick:
 
     tick: int
     t: float
+    state: str = ""
     raw: dict[str, str] = field(default_factory=dict)
     orders: list[str] = field(default_factory=list)
     evidence: dict[str, Value] = field(default_factory=dict)
@@ -145,6 +146,7 @@ class Tick:
             "tick": self.tick,
             "t": _short(self.t, 6),
             "missed": self.missed,
+            "state": self.state,
             "raw": self.raw,
             "orders": self.orders,
             "evidence": self.evidence,

@@ -4,56 +4,45 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
-from brp import BrpError, Distribution
 from khepera_hil.budget import plan
 from khepera_hil.clock import Clock
-from khepera_hil.controllers import Controller, Decision
-from khepera_hil.errors import KheperaHilError, LinkLost, NoAnswer, RobotError
+from khepera_hil.conduct import Conduct
+from khepera_hil.controllers import Commanded, Controller
+from khepera_hil.errors import GuardLost, KheperaHilError, LinkLost, NoAnswer, OrderRefused, RobotError, RobotReset
+from khepera_hil.guarding import Guarding, Unguarded
 from khepera_hil.khepera import Khepera
-from khepera_hil.lifecycle import Lifecycle
-from khepera_hil.perception import Readings
+from khepera_hil.lifecycle import Health, Lifecycle
+from khepera_hil.orders import Order, Orders
 from khepera_hil.quantiles import Quantiles
 from khepera_hil.reader import Reader
-from khepera_hil.recording import Answer, Pose, Recording, Tick
+from khepera_hil.reconnection import Reconnection
+from khepera_hil.recording import Recording, Tick
 from khepera_hil.scheduler import Beat, beats
+from khepera_hil.transcript import name_of
+from khepera_hil.wheels import Wheels
+from khepera_hil.witness import Sight, Staged, Witness
 
-__all__ = ["GIVE_UP", "HOLD", "Service", "Witness"]
+__all__ = ["PATIENCE", "Service"]
 
-HOLD = 2
-"""Periods without readings during which the wheels keep what they were told; then they are told to stop."""
-
-GIVE_UP = 20
-"""Ticks without readings or without an acknowledged speed, one after the other, after which the robot counts as
-silent and the run ends."""
-
-
-class Witness(Protocol):
-    """Somebody who sees the robot from outside: the emulator's world, or nobody (metres, radians)."""
-
-    def pose(self) -> Pose:
-        """The robot's true pose."""
-
-    def poses(self) -> Mapping[str, Pose]:
-        """The true poses of everything that moves or can be moved, the robot (``robot``) among it."""
-
-    def heard_alarm(self) -> None:
-        """The program sounded its alarm."""
-
-    def orders(self) -> Sequence[tuple[str, bool]]:
-        """The operator's orders since the last time, and whether each is switched on."""
+PATIENCE = 30.0
+"""Seconds without a usable answer, or without a port, after which the robot counts as gone and the run ends."""
 
 
 class Service:
     """Runs one controller on one robot, and owns the wheels while it does.
 
     ``rng`` is the program's own stream of chance. With ``verify`` the sensors are read twice (see
-    :class:`~khepera_hil.reader.Reader`). ``stopwatch`` (seconds) and ``wall`` (Unix time) fill the columns of the
-    log that are the host's own; nothing is decided by them. Raises WireTooSlow for what does not fit into a tick.
+    :class:`~khepera_hil.reader.Reader`). ``guard`` stops the wheels when we cannot. When the line is lost,
+    ``reopen`` is called, with pauses, until it returns a robot on a new line, for ``patience`` seconds of the
+    robot's time; without it a lost line ends the run. A robot that was reset is set in motion again by the order
+    ``resume`` only, or with ``resume`` at once. ``idle`` is called after each tick with the seconds left until the
+    next. ``stopwatch`` (seconds) and ``wall`` (Unix time) fill the columns of the log that are the host's own;
+    nothing is decided by them. Raises WireTooSlow for what does not fit into a tick.
     """
 
     def __init__(
@@ -66,81 +55,89 @@ class Service:
         rng: np.random.Generator,
         verify: bool = False,
         witness: Witness | None = None,
+        guard: Guarding | None = None,
+        reopen: Callable[[], Khepera] | None = None,
+        resume: bool = False,
+        patience: float = PATIENCE,
+        idle: Callable[[float], None] = lambda slack: None,
         stopwatch: Callable[[], float] = time.perf_counter,
         wall: Callable[[], float] = time.time,
     ) -> None:
-        self.lifecycle = Lifecycle()
-        self.ticks = self.missed = self.blind = 0
-        """Ticks done, deadlines missed, ticks without readings."""
+        self.health = Health()
+        self.lifecycle = Lifecycle(self.health)
+        self.ticks = self.missed = self.blind = self.losses = self.resets = 0
+        """Ticks done, deadlines missed, ticks without readings; times that the line was lost, the robot reset."""
         self.work, self.late = Quantiles(), Quantiles()
         """Seconds of the host that each tick took, waiting for the wire included; seconds that it came late."""
         self.ended: str | None = None
         """Why the loop ended: ``duration``, the reason given to :meth:`stop`, or ``error``."""
-        self.rested = False
-        """Whether the robot acknowledged the order to stand still at the end."""
         self.error: str | None = None
         """What ended the loop, when it was an error of ours."""
-        self._khepera, self._controller, self._witness = khepera, controller, witness
-        self._clock, self._period, self._rng = clock, period, rng
-        self._stopwatch, self._wall = stopwatch, wall
+        self._khepera, self._controller, self._sight = khepera, controller, Sight(witness)
+        self._guard: Guarding = guard or Unguarded()
+        self._wheels = Wheels(khepera, self._guard, self.health)
+        self._reopen, self._resume, self._patience = reopen, resume, patience
+        self._reconnection: Reconnection | None = None
+        self._new_line = False
+        self._clock, self._period = clock, period
+        self._idle, self._stopwatch, self._wall = idle, stopwatch, wall
+        self._staged: list[Orders] = [] if witness is None else [Staged(witness, self.remark)]
+        self._orders: Sequence[Orders] = ()
         self._reason: str | None = None
+        self._remarks: list[tuple[str, str]] = []  # what is to be said in the next tick
         self._raw: dict[str, str] = {}
-        self._commanding = False
-        self._blind_periods = self._silent_in_a_row = 0
-        self._told: dict[str, Pose] = {}
-        self._shapes = {
-            key: (
-                question.name,
-                tuple(v.name for v in question.searched),
-                tuple(tuple(v.values) for v in question.searched),
-            )
-            for key, question in controller.questions.items()
-        }
-        self._reader = Reader(
-            khepera,
-            plan(controller.name, controller.needs, baud=khepera.link.baud, period=period, verify=verify),
-            verify,
-        )
+        self._answered_at = 0.0  # the robot's time of the last tick that went as it should
+        self._trouble: KheperaHilError | None = None  # the last one since then
+        needed = plan(controller.name, controller.needs, baud=khepera.link.baud, period=period, verify=verify)
+        self._conduct = Conduct(controller, Reader(khepera, needed, verify), self._wheels, rng)
         khepera.link.on_exchange = self._heard
+
+    @property
+    def state(self) -> str:
+        """Of the lifecycle."""
+        return str(self.lifecycle.current_state_value)
+
+    @property
+    def rested(self) -> bool:
+        """Whether the robot acknowledged the last order to stand still."""
+        return self.health.rested
 
     def connect(self) -> tuple[str, str]:
         """Shake hands, and command the wheels to stand still; the robot's versions (manual's B)."""
-        self.lifecycle.send("connect")
+        self._become("connect")
         try:
+            self._wheels.watch(self._khepera)
             versions = self._khepera.handshake()
-            if not self._khepera.stop():
+            if not self._wheels.stop():
                 raise NoAnswer("the robot does not confirm the order to stand still: see that its line is good")
-        except (RobotError, LinkLost):
-            self.lifecycle.send("fail")
+        except KheperaHilError:
+            self._become("fail")
             raise
-        self.lifecycle.send("connected")
+        self._become("connected")
         return versions
 
     def program(self) -> dict[str, Any]:
         """What the program asks each tick and what it knows then, for the run's manifest."""
-        known = {v.name: list(v.values) for question in self._controller.questions.values() for v in question.known}
-        questions = [
-            {
-                "key": key,
-                "name": name,
-                "description": " ".join(self._controller.questions[key].names),
-                "variables": variables,
-                "values": values,
-                "main": key == self._controller.decides,
-            }
-            for key, (name, variables, values) in self._shapes.items()
-        ]
-        return {"questions": questions, "evidence": known}
+        return self._conduct.manifest()
 
     def stop(self, reason: str) -> None:
         """End the loop at its next tick; may be called from a signal's handler."""
         self._reason = self._reason or reason
 
-    def run(self, recording: Recording, *, duration: float | None = None) -> None:
-        """The loop, for so many seconds of the robot's time; however it ends, the wheels are commanded to stop."""
-        self.lifecycle.send("start")
+    def remark(self, level: str, text: str) -> None:
+        """Have an event recorded with the next tick; may be called from a signal's handler."""
+        self._remarks.append((level, text))
+
+    def run(self, recording: Recording, *, duration: float | None = None, orders: Sequence[Orders] = ()) -> None:
+        """The loop, for so many seconds of the robot's time; however it ends, the wheels are commanded to stop.
+
+        ``orders`` are looked at at the beginning of each tick.
+        """
+        self._orders = [*self._staged, *orders]
         self.ended = "error"  # until the loop is seen to end well
         try:
+            self._guard.record_in(recording.folder)
+            self._become("start")
             for beat in beats(
                 self._clock, self._period, duration=duration, stopped=lambda: self._reason is not None
             ):
@@ -152,139 +149,237 @@ class Service:
         finally:
             self._rest()
 
+    def close(self) -> None:
+        """Give the port back and part with the guard; the service is of no more use."""
+        if self._reconnection is not None:
+            self._reconnection.close()
+        self._khepera.link.close()
+        self._guard.close()
+
+    # A tick's frame: what is done in each, in whatever state.
+
     def _turn(self, beat: Beat, recording: Recording) -> None:
         tick = self._begin(beat)
-        began = self._stopwatch()
-        lost = None
+        began, start = self._stopwatch(), self._clock.now()
+        failure: KheperaHilError | None = None
+        good = False
         try:
-            self._tick(tick)
-        except LinkLost as error:
+            self._guard.beat()
+            self._obey(tick)
+            good = self._advance(tick)
+        except (LinkLost, GuardLost) as error:
             tick.events.append(("error", str(error)))
-            lost = error
+            failure = error
+            with contextlib.suppress(LinkLost, GuardLost):
+                self._wheels.halt()  # before the log, which may take its time
+        self._settle(tick, good)
+        self._sight.tell(tick)
         tick.work_ms = 1e3 * (self._stopwatch() - began)
         recording.write(tick)
         self.ticks += 1
         self.missed += tick.missed
         self.work.add(tick.work_ms / 1e3)
         self.late.add(beat.late)
-        if lost is not None:
-            raise lost
-        if self._silent_in_a_row >= GIVE_UP:
-            raise NoAnswer(
-                f"no usable answer for {GIVE_UP} ticks: is the robot still switched on, and the cable in?"
-            )
-
-    def _rest(self) -> None:
-        self._raw = {}  # what is said from here on belongs to no tick
-        try:
-            self.rested = self._khepera.stop()
-            for letter, *values in getattr(self._controller, "at_rest", ()):
-                with contextlib.suppress(RobotError):  # the wheels stand still; that is what counts
-                    self._khepera.command(str(letter), *values)
-        except LinkLost:
-            if self.ended != "error":
-                raise  # else the error that ended the loop says more
-        finally:
-            self.lifecycle.send("stop")
-            self.lifecycle.send("rest" if self.rested else "fail")
+        if failure is not None:
+            raise failure
+        if self._trouble is not None and tick.t - self._answered_at >= self._patience:
+            raise self._given_up(self._trouble)
+        self._idle(self._period - beat.late - (self._clock.now() - start))
 
     def _begin(self, beat: Beat) -> Tick:
         self._raw = {}
         tick = Tick(tick=beat.tick, t=beat.due, late_ms=1e3 * beat.late, missed=beat.missed, raw=self._raw)
         tick.wall = self._wall()
-        self._look(tick)
+        self._sight.note(tick)
         if beat.tick == 0:
             tick.events.append(("info", f"{self._controller.name} runs, a tick every {self._period:g} s"))
         if beat.missed:
             tick.events.append(("warning", f"{beat.missed} deadlines missed"))
+        while self._remarks:
+            tick.events.append(self._remarks.pop(0))
         return tick
 
-    def _tick(self, tick: Tick) -> None:
+    def _settle(self, tick: Tick, good: bool) -> None:
+        """What the tick means for the state."""
+        self.health.add(good)
+        self.blind += not tick.evidence
+        if self.state == "running" and self.health.ailing:
+            self._become("degrade", tick)
+        elif self.state == "degraded" and self.health.sound:
+            self._become("recover", tick)
+        tick.state = self.state
+
+    def _given_up(self, trouble: KheperaHilError) -> KheperaHilError:
+        if isinstance(trouble, LinkLost):
+            return LinkLost(f"{trouble}; it did not come back within {self._patience:g} s")
+        return NoAnswer(
+            f"no usable answer for {self._patience:g} s: is the robot still switched on, and the cable in?"
+        )
+
+    def _become(self, event: str, tick: Tick | None = None) -> None:
+        before = self.state
+        self.lifecycle.send(event)
+        events = self._remarks if tick is None else tick.events
+        if events and events[-1][1].endswith(f" -> {before}"):
+            before = events.pop()[1]  # one line for what is one way
+        events.append(("info", f"{before} -> {self.state}"))
+
+    # What the operator ordered.
+
+    def _obey(self, tick: Tick) -> None:
+        for source in self._orders:
+            for order in source.take():
+                try:
+                    order.obeyed(self._carry_out(order, tick))
+                except OrderRefused as error:
+                    order.refused(str(error))
+                else:
+                    tick.orders.append(order.words)
+
+    def _carry_out(self, order: Order, tick: Tick) -> str:
+        if order.words == "stop":
+            self.stop("order")
+            return "the run ends, its wheels stand still"
+        if order.words == "resume":
+            if self.health.may_move:
+                raise OrderRefused("there is nothing to resume: the robot may move")
+            self.health.may_move = True
+            return "the robot is set in motion again"
+        if isinstance(self._controller, Commanded):
+            return self._controller.order(order.words)
+        raise OrderRefused(f"{self._controller.name} knows no order {order.words!r}; it takes stop and resume")
+
+    # What is done in a tick, state by state. Each returns whether the tick was a good one.
+
+    def _advance(self, tick: Tick) -> bool:
         try:
-            readings = self._read(tick)
-            decision = self._controller.step(readings, self._rng)
+            if self.state == "disconnected":
+                return self._search(tick)
+            if self.state == "connecting":
+                return self._shake_hands(tick)
+            if self.state == "ready":
+                if not self.health.may_move:
+                    return self._wait(tick)
+                self._become("start", tick)
+            return self._drive(tick)
+        except LinkLost as error:
+            if self._reopen is None:
+                raise
+            self._lose(tick, error, self._reopen)
+        except RobotReset as error:
+            self._was_reset(tick, error)
+        return False
+
+    def _drive(self, tick: Tick) -> bool:
+        trouble = self._conduct.turn(tick)
+        if trouble is None:
+            self._answered_at = tick.t
+        self._trouble = trouble
+        return bool(tick.evidence) and tick.command is not None
+
+    # The way back: from a line that was lost, from a robot that was reset.
+
+    def _lose(self, tick: Tick, error: LinkLost, reopen: Callable[[], Khepera]) -> None:
+        tick.events.append(("error", str(error)))
+        self._trouble = error
+        self.losses += 1
+        self._become("lose", tick)
+        self._wheels.let_go()
+        self._reconnection = Reconnection(reopen, self._clock)
+
+    def _search(self, tick: Tick) -> bool:
+        assert self._reconnection is not None
+        found = self._reconnection.poll()
+        if found is None:
+            return False
+        tick.events.append(
+            ("info", f"{found.link.name} is open again, after {self._reconnection.attempts} attempts")
+        )
+        self._reconnection.close()
+        self._reconnection = None
+        self._khepera = found
+        before = self._conduct.reader
+        self._conduct.reader = Reader(found, before.plan, before.verify, before.checks)
+        self._new_line = True
+        found.link.on_exchange = self._heard
+        self._become("connect", tick)
+        self._wheels.watch(found)
+        return self._shake_hands(tick)
+
+    def _was_reset(self, tick: Tick, error: RobotReset) -> None:
+        tick.events.append(("error", str(error)))
+        self._trouble = error
+        self.resets += 1
+        self._wheels.forget()
+        self.health.may_move = self._resume
+        if self.state != "connecting":
+            self._become("reset", tick)
+
+    def _shake_hands(self, tick: Tick) -> bool:
+        """The wheels first, and blindly; then everything as at the beginning, an attempt a tick."""
+        link = self._khepera.link
+        try:
+            self._wheels.halt()
+            link.begin()
+            self._khepera.version()
+            tick.command = self._wheels.rest()
+            was_reset = self._wheels.were_reset() or (self._new_line and link.counters.boot_texts > 0)
+        except RobotReset:
+            raise
         except RobotError as error:
-            self._silent_in_a_row += 1
-            self._without_data(tick, error)
-        except BrpError as error:
-            # Evidence that is refused or impossible counts as a tick without data, so that the loop goes on.
-            self._silent_in_a_row = 0
-            self._without_data(tick, error)
+            tick.events.append(("warning", f"no data: {error}"))
+            self._trouble = error
+            return False
+        self._answered_at, self._trouble = tick.t, None
+        self._become("connected", tick)
+        self._new_line = False
+        if was_reset:
+            self.resets += 1
+            self.health.may_move = self._resume
+            tick.events.append(("error", "the robot was reset while its line was lost, or is another"))
+        if self.health.may_move:
+            self._become("start", tick)
         else:
-            self._blind_periods = 0
-            self._act(tick, decision)
-            # A robot that can be read but never confirms its speeds is as little under control as a silent one.
-            self._silent_in_a_row = 0 if tick.command is not None else self._silent_in_a_row + 1
+            tick.events.append(("warning", "the robot waits; it goes on by: khepera-hil order resume"))
+        return False
 
-    def _read(self, tick: Tick) -> Readings:
+    def _wait(self, tick: Tick) -> bool:
+        """Nothing moves, but the robot is spoken to."""
         try:
-            return self._reader.read(tick.tick)
-        finally:
-            tick.events += [("info", remark) for remark in self._reader.remarks]
-
-    def _act(self, tick: Tick, decision: Decision) -> None:
-        tick.evidence, tick.clipped = dict(decision.evidence), dict(decision.clipped)
-        tick.u, tick.draws = dict(decision.u), dict(decision.draws)
-        tick.events.extend(decision.events)
-        tick.answers = {key: self._answer(key, given) for key, given in decision.answers.items()}
-        self._send(tick, decision.left, decision.right)
-        self._command(tick, decision.commands)
-        if self._witness is not None and any(level == "alarm" for level, _ in decision.events):
-            self._witness.heard_alarm()
-
-    def _send(self, tick: Tick, left: int, right: int) -> None:
-        try:
-            tick.command = self._khepera.set_speed(left, right)
+            tick.command = self._wheels.rest()
+        except RobotReset:
+            raise
         except RobotError as error:
-            tick.events.append(("warning", f"speeds not acknowledged: {error}"))
+            tick.events.append(("warning", f"no data: {error}"))
+            self._trouble = error
+            return False
+        self._answered_at, self._trouble = tick.t, None
+        return True
 
-    def _command(self, tick: Tick, commands: Sequence[tuple[int | str, ...]]) -> None:
-        """What the body does beyond its wheels. It is none of the readings, so it stands in the log as a whole."""
-        for letter, *values in commands:
-            self._commanding = True
-            try:
-                self._khepera.command(str(letter), *values)
-            except RobotError as error:
-                tick.events.append(("warning", f"{','.join(map(str, (letter, *values)))} not acknowledged: {error}"))
-            finally:
-                self._commanding = False
+    def _rest(self) -> None:
+        # What is said from here on belongs to no tick, and nothing that becomes of the guard may disturb it.
+        self._khepera.link.on_exchange = self._beat
+        self._become("stop")
+        try:
+            self._wheels.stop()
+            for letter, *values in getattr(self._controller, "at_rest", ()):
+                with contextlib.suppress(RobotError):  # the wheels stand still; that is what counts
+                    self._wheels.beside(str(letter), *values)
+        except LinkLost:
+            if self.ended != "error":
+                raise  # else the error that ended the loop says more
+        finally:
+            self._become("rest" if self.health.rested else "fail")
 
-    def _without_data(self, tick: Tick, error: Exception) -> None:
-        tick.events.append(("warning", f"no data: {error}"))
-        self.blind += 1
-        self._blind_periods += 1 + tick.missed
-        if self._blind_periods > HOLD:
-            if self._khepera.halt():
-                tick.command = (0, 0)
-            else:
-                tick.events.append(("warning", "ordered to stand still, not acknowledged"))
-
-    def _answer(self, key: str, given: Distribution) -> Answer:
-        name, variables, values = self._shapes[key]
-        return Answer(name, variables, values, given.p)
+    def _beat(self, request: bytes, answer: bytes) -> None:
+        with contextlib.suppress(GuardLost):
+            self._guard.beat()
 
     def _heard(self, request: bytes, answer: bytes) -> None:
         # What came although nobody had asked stands under "?"; it is only ever there when the line was in trouble.
         text = answer.decode("ascii", "backslashreplace").rstrip("\r\n")
-        if asked := request.strip().decode("ascii"):
-            # A letter says enough, but where one has many questions; what is read again in a tick is numbered.
-            name = asked if asked[0] in "IRT" else asked[0]
-            again = sum(known.partition(" ")[0] == name for known in self._raw)
-            self._raw[f"{name} {again + 1}" if again else name] = text
+        if request.strip():
+            self._raw[name_of(request, self._raw)] = text
         elif text:
             self._raw["?"] = (self._raw.get("?", "") + text)[-500:]
-
-    def _look(self, tick: Tick) -> None:
-        if self._witness is None:
-            return
-        tick.pose = _rounded(self._witness.pose())
-        tick.orders = [f"{order} {'on' if on else 'off'}" for order, on in self._witness.orders()]
-        for name, pose in self._witness.poses().items():
-            seen = _rounded(pose)
-            if name != "robot" and self._told.get(name) != seen:
-                self._told[name] = tick.moved[name] = seen
-
-
-def _rounded(pose: Pose) -> Pose:
-    """To a hundredth of a millimetre, and as much of an angle: what is below would only fill the log."""
-    return round(pose[0], 5), round(pose[1], 5), round(pose[2], 5)
+        self._guard.beat()  # a tick on a bad line may take longer than the guard would wait

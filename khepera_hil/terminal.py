@@ -32,12 +32,15 @@ class Terminal:
         self._shown_at = -1.0
         self._last = ""
         self._missed = 0
+        self._said: set[str] = set()  # in the last tick that was shown
 
     def write(self, tick: Tick, dropped: int) -> None:
         """Show the tick, or not; that some were passed over (``dropped``) does not matter here."""
         self._missed += tick.missed
         for level, text in tick.events:
-            self._line(f"{tick.t:8.1f} s  {level}: {text}")
+            if text not in self._said:  # it was said a tick ago: the log has it as often as it happened
+                self._line(f"{tick.t:8.1f} s  {level}: {text}")
+        self._said = {text for _, text in tick.events}
         if self._live:
             if self._now() - self._shown_at >= 0.1:
                 self._shown_at = self._now()
@@ -56,6 +59,8 @@ class Terminal:
             self._out.flush()
 
     def _status(self, tick: Tick) -> str:
+        if tick.state not in ("", "running", "degraded"):
+            return f"{tick.t:8.1f} s  {self._program}: {tick.state} | missed {self._missed}"
         known = " ".join(f"{name} {value}" for name, value in tick.evidence.items()) or "no readings"
         drawn = (
             " ".join(

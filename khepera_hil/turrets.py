@@ -25,6 +25,7 @@ __all__ = [
     "Turret",
     "encode_turret_answer",
     "encode_turret_request",
+    "longest_turret_answer",
     "parse_turret_answer",
     "parse_turret_request",
 ]
@@ -126,6 +127,14 @@ def parse_turret_answer(turret: int, letter: str, text: str) -> tuple[int, ...]:
     if head != letter.lower():
         raise ProtocolError(f"asked the {TURRETS[turret].name} for {letter}, got {text[:60]!r}")
     return tuple(read_answer(letter, command.answer, words, text[:60]))
+
+
+def longest_turret_answer(turret: int, text: str) -> int | None:
+    """Characters of the longest answer to ``T,turret,text``, CR LF included; None for a command nobody knows."""
+    try:
+        return len(f"t,{turret},") + _command(turret, text[:1]).longest_answer
+    except ProtocolError:
+        return None
 
 
 def _command(turret: int, letter: str) -> Command:

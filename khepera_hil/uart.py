@@ -48,7 +48,7 @@ class Line:
         """Put ``data`` on the line behind what is already there."""
         start = max(now, self.free)
         character = BITS_PER_CHARACTER / self.sender
-        if self.sender == self.receiver and not self._frames:
+        if self.sender == self.receiver and not self._frames and self._deaf_until <= start:
             ready = self._ready
             for byte in data:
                 start += character
@@ -99,7 +99,11 @@ class Line:
     def clear(self, now: float) -> None:
         """Forget what has not left yet; a character that is half out goes with it."""
         self._ready = deque(entry for entry in self._ready if entry[0] <= now)
-        self._frames.clear()
+        self._frames = deque(
+            (start, byte, bit)
+            for start, byte, bit in self._frames
+            if start + BITS_PER_CHARACTER * bit <= now + 1e-9
+        )
         self.free = min(self.free, now)
 
     def next_arrival(self, wanted: bytes | None = None) -> float | None:

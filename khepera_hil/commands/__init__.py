@@ -14,9 +14,9 @@ __all__ = ["COMMANDS", "command"]
 COMMANDS: Mapping[str, str] = MappingProxyType(
     {
         "run": "run a program (what happens without a word)",
+        "check": "look at a robot, its line and this computer; nothing moves",
         "emulate": "an emulated Khepera behind a pseudo-terminal, for any program",
-        "teach": "drive by joystick, keyboard or script, and keep what was done as a data set",
-        "identify": "what a program learns from data sets",
+        "order": "an order to a run that is going on: stop, resume, vigil on ...",
         "runs": "list recorded runs",
         "review": "open a recorded run in the viewer, or make a picture of it",
         "replay": "ask a recorded run's questions again, or ask another program",

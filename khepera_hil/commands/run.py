@@ -6,14 +6,12 @@ import argparse
 import json
 import os
 import secrets
-import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from types import FrameType
 from typing import Any
 from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
@@ -25,14 +23,21 @@ from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
 from khepera_hil.commands.setting import add_setting, setting_of
 from khepera_hil.controllers import PROGRAMS, Controller
+from khepera_hil.commands.signals import heeded
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
+from khepera_hil.faults import Specification
 from khepera_hil.follower import Follower
+from khepera_hil.guarding import Guarding, Process, Unguarded, limit
 from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link
-from khepera_hil.opening import open_port
+from khepera_hil.opening import Port, close_port, descriptor, open_port, reopen
+from khepera_hil.orders import OrderSocket
 from khepera_hil.quantiles import Quantiles
+from khepera_hil.realtime import Collector, ask_for_realtime
+from khepera_hil.reconnection import stable_name
 from khepera_hil.recording import Listener, Recording, Tick
-from khepera_hil.service import Service
+from khepera_hil.service import PATIENCE, Service
+from khepera_hil.systemd import Manager
 from khepera_hil.terminal import Terminal
 from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
 from khepera_hil.viewer.live import Address, address, open_live
@@ -44,11 +49,11 @@ __all__ = ["main", "parser_of_run", "port_url", "run_on_robot"]
 DEFAULT_WORLD = "furnished"
 LOCAL = "127.0.0.1"
 _TERMINAL = "the terminal"
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
-
 EPILOG = """\
 commands:
+  khepera-hil check         a robot, its line and this computer, before anything moves
   khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program
+  khepera-hil order         an order to a run that is going on: stop, resume, vigil on ...
   khepera-hil runs          list recorded runs
   khepera-hil review RUN    open one in the viewer, or make a picture of it
   khepera-hil replay RUN    ask its questions again, or ask another program on the same readings
@@ -64,8 +69,8 @@ examples:
   khepera-hil --program home --fast --duration 120 --seed 3   simulated time, repeatable
   khepera-hil --program avoid --serve                         with a page for browsers to look on
 
-exit codes: 0 ended well (duration, Ctrl-C, SIGTERM)  2 wrong arguments  3 port  4 robot  5 wire too slow
-            6 recording  1 anything else
+exit codes: 0 ended well (duration, Ctrl-C, SIGTERM, order)  2 wrong arguments  3 port  4 robot
+            5 wire too slow  6 recording  7 guard  1 anything else
 """
 
 
@@ -77,7 +82,7 @@ def main(arguments: Sequence[str]) -> int:
         return 0
     existing_name("program", asked.program, list(PROGRAMS))
     chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
-    url = port_url(asked.port, asked.world, asked.scenario, fast=asked.fast, seed=chosen_seed)
+    url = port_url(asked.port, asked.world, asked.scenario, fast=asked.fast, seed=chosen_seed, faults=asked.faults)
     setting = setting_of(asked)
     about = {"setting": {"unknown": list(setting.unknown), "data": asked.data}}
     run_on_robot(asked, chosen_seed, url, PROGRAMS[asked.program].make(setting), about)
@@ -104,9 +109,19 @@ def run_on_robot(
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
     plan(controller.name, controller.needs, baud=asked.baud, period=asked.period, verify=asked.verify)
-    with closing(open_port(url, asked.baud)) as port:
-        clock: Clock = getattr(port, "clock", None) or WallClock()
-        witness = getattr(port, "witness", None)
+    if asked.realtime:
+        for refusal in ask_for_realtime():
+            _remark(refusal)
+    port = open_port(url, asked.baud, _remark)
+    clock: Clock = getattr(port, "clock", None) or WallClock()
+    witness = getattr(port, "witness", None)
+    try:
+        guard = _guard(port, asked)
+    except BaseException:
+        close_port(port)
+        raise
+    with closing(Manager()) as manager:
+        between = _Between(manager, Collector())
         service = Service(
             Khepera(Link(port, clock, baud=asked.baud)),
             controller,
@@ -115,10 +130,16 @@ def run_on_robot(
             rng=chance.generator(chosen_seed, "program"),
             verify=asked.verify,
             witness=witness,
+            guard=guard,
+            reopen=partial(_reopened, port, stable_name(url), asked.baud, clock),
+            resume=asked.resume,
+            patience=asked.patience,
+            idle=between.idle,
         )
+        between.service = service
         listener = on_open(witness, service)
-        with _signals(service):
-            _run(asked, chosen_seed, url, service, clock, witness, live, about, listener, note)
+        with closing(service), heeded(service):
+            _run(asked, chosen_seed, url, service, clock, witness, between, live, about, listener, note)
 
 
 def _live(asked: argparse.Namespace) -> Address | None:
@@ -130,6 +151,40 @@ def _live(asked: argparse.Namespace) -> Address | None:
     return address(asked.serve or LOCAL)
 
 
+def _guard(port: Port, asked: argparse.Namespace) -> Guarding:
+    """A guard where the port has a descriptor to write to in our place; else one line, or none for the emulator."""
+    if descriptor(port) is not None:
+        return Process(limit(asked.period))
+    if not hasattr(port, "witness"):
+        _remark(
+            f"{asked.port} has no descriptor, so there is no guard: "
+            "should this process be killed, the wheels keep their speed"
+        )
+    return Unguarded()
+
+
+def _reopened(port: Port, name: str, baud: int, clock: Clock) -> Khepera:
+    return Khepera(Link(reopen(port, name, baud), clock, baud=baud))
+
+
+class _Between:
+    """What is done when a tick is done: the service manager told, garbage collected."""
+
+    service: Service
+
+    def __init__(self, manager: Manager, collector: Collector) -> None:
+        self.manager, self.collector = manager, collector
+        self._told = ""
+
+    def idle(self, slack: float) -> None:
+        """With so many seconds left before the next tick."""
+        self.manager.alive()
+        if self.service.state != self._told:
+            self._told = self.service.state
+            self.manager.status(self._told)
+        self.collector.idle(slack)
+
+
 def _run(
     asked: argparse.Namespace,
     seed: int,
@@ -137,6 +192,7 @@ def _run(
     service: Service,
     clock: Clock,
     witness: Any,
+    between: _Between,
     live: Address | None,
     about: dict[str, Any],
     listener: Listener | None,
@@ -175,7 +231,14 @@ def _run(
         if sys.stdout is not None:  # nobody looks where it was closed
             sys.stdout.flush()
             recording.follow(Follower(Terminal(sys.stdout, asked.program, note=note), name=_TERMINAL, waits=False))
-        service.run(recording, duration=asked.duration)
+        with _orders(recording.folder, clock, service) as orders:
+            between.manager.ready(f"{asked.program} on {asked.port}")
+            between.collector.begin()
+            try:
+                service.run(recording, duration=asked.duration, orders=orders)
+            finally:
+                between.collector.end()
+                between.manager.stopping()
     except BaseException:
         _finish(recording, service, witness, as_json=asked.json)
         raise
@@ -185,15 +248,34 @@ def _run(
         raise NoAnswer("the robot did not acknowledge the order to stop: see that its wheels stand still")
 
 
+@contextmanager
+def _orders(folder: Path, clock: Clock, service: Service) -> Iterator[list[OrderSocket]]:
+    """The operator's socket; none in simulated time, which must repeat, and where the folder can hold none."""
+    if clock.simulated:
+        yield []
+        return
+    try:
+        socket = OrderSocket(folder)
+    except OSError as error:
+        service.remark("warning", f"no orders will be taken: {folder} holds no socket ({error.strerror or error})")
+        yield []
+        return
+    with closing(socket):
+        yield [socket]
+
+
 def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bool) -> RecordingError | None:
     """Close the recording and say how the run went; what could not be written is returned, not raised."""
     ending: dict[str, Any] = {
         "ticks": service.ticks,
         "missed": service.missed,
         "without_data": service.blind,
+        "lines_lost": service.losses,
+        "robot_resets": service.resets,
         "work_ms": _percentiles(service.work),
         "late_ms": _percentiles(service.late),
         "stop": service.ended,
+        "state": service.state,
         "rested": service.rested,
         "error": service.error,
         "score": {} if witness is None else witness.score(),
@@ -216,6 +298,10 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
     return failure
 
 
+def _remark(sentence: str) -> None:
+    print(f"khepera-hil: {sentence}", file=sys.stderr)
+
+
 def _rerun() -> str:
     """How the viewer is called here: it is installed beside the interpreter, which may not be on the PATH."""
     path = Path(program())
@@ -228,13 +314,22 @@ def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
     return {name: None if value is None else round(1e3 * value, 3) for name, value in found.items()}
 
 
-def port_url(port: str, world: str | None, scenario: str | None = None, *, fast: bool, seed: int) -> str:
+def port_url(
+    port: str,
+    world: str | None,
+    scenario: str | None = None,
+    *,
+    fast: bool,
+    seed: int,
+    faults: str | None = None,
+) -> str:
     """What pyserial is asked to open. Only the in-process emulator has worlds, scenarios and a simulated clock."""
     for flag, text in (("--port", port), ("--world", world), ("--scenario", scenario)):
         if text == "":
             raise UsageError(f"{flag} is empty; leave it out for the emulator in its usual arena")
     if port.partition(":")[0].lower() != "emulator":
-        for flag, given in (("--fast", fast), ("--world", world is not None), ("--scenario", scenario is not None)):
+        asked = {"--world": world, "--scenario": scenario, "--faults": faults, "--fast": fast or None}
+        for flag, given in ((flag, value is not None) for flag, value in asked.items()):
             if given:
                 raise UsageError(f"{flag} goes with --port emulator only; {port} is a robot of its own")
         return port
@@ -246,7 +341,7 @@ def port_url(port: str, world: str | None, scenario: str | None = None, *, fast:
     if world is not None and named and named != world:
         raise UsageError(f"--port {port} and --world {world} name two different worlds; leave one of them out")
     query = dict(parse_qsl(parts.query, keep_blank_values=True))
-    for key, flag in (("seed", "--seed"), ("clock", "--fast")):
+    for key, flag in (("seed", "--seed"), ("clock", "--fast"), ("faults", "--faults")):
         if key in query:
             raise UsageError(f"{key} does not go into the port's name; say {flag}")
     if scenario is not None and query.setdefault("scenario", scenario) != scenario:
@@ -256,7 +351,10 @@ def port_url(port: str, world: str | None, scenario: str | None = None, *, fast:
     if not (where := world or named) and "scenario" in query:
         where = load_scenario(query["scenario"]).world or ""
     query |= {"seed": str(seed), "clock": "simulated" if fast else "wall"}
-    return f"emulator://{quote(where or DEFAULT_WORLD)}?{urlencode(query)}"
+    if faults is not None:
+        Specification.parse(faults)  # a mistake is told before anything else happens
+        query["faults"] = faults
+    return f"emulator://{quote(where or DEFAULT_WORLD)}?{urlencode(query, quote_via=quote)}"
 
 
 def _world_of(url: str) -> dict[str, str | None]:
@@ -264,27 +362,6 @@ def _world_of(url: str) -> dict[str, str | None]:
     parts = urlsplit(url)
     query = dict(parse_qsl(parts.query))
     return {"name": unquote(parts.netloc + parts.path), "scenario": query.get("scenario")}
-
-
-@contextmanager
-def _signals(service: Service) -> Iterator[None]:
-    """Whatever asks the process to end or to pause ends the loop at its next tick, with wheels that stand still.
-
-    All that follows is bounded in time, so a second Ctrl-C, which a wrapper may send, changes nothing. A robot must
-    not drive on because a terminal was closed (SIGHUP) or its job stopped (Ctrl-Z).
-    """
-    before = {which: signal.getsignal(which) for which in _SIGNALS}
-
-    def stop(which: int, frame: FrameType | None) -> None:
-        service.stop("signal")
-
-    for which in before:
-        signal.signal(which, stop)
-    try:
-        yield
-    finally:
-        for which, handler in before.items():
-            signal.signal(which, handler)
 
 
 def _list() -> None:
@@ -334,12 +411,26 @@ def parser_of_run() -> Parser:
         metavar="NAME",
         help="what happens in the world of the in-process emulator: a name of --list or a TOML file",
     )
+    add(
+        "--faults",
+        metavar="SPEC",
+        help="faults of the line of the in-process emulator, such as flip=1e-3,late=0.01,disconnect@30+5",
+    )
     add("--fast", action="store_true", help="simulated time, as quick as the machine can; in-process emulator only")
     add(
         "--verify",
         action="store_true",
         help="read the sensors twice, and hold them to what the robot can have moved: for a line that loses bytes",
     )
+    add(
+        "--patience",
+        type=number(0.1, 1e6, "seconds"),
+        default=PATIENCE,
+        metavar="SECONDS",
+        help="for a lost line, or a silent robot, to come back (default: %(default)g)",
+    )
+    add("--resume", action="store_true", help="let a robot that was reset drive on by itself")
+    add("--realtime", action="store_true", help="ask for SCHED_FIFO and locked memory; a line says when refused")
     add("--runs", type=Path, default=Path("runs"), metavar="DIR", help="where recordings go (default: %(default)s)")
     add("--view", action="store_true", help="open the viewer on the running loop")
     add(

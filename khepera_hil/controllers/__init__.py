@@ -6,9 +6,9 @@ from types import MappingProxyType
 from brp.programs.obstacle import obstacle
 from brp.programs.phototaxy import pi_phototaxy1
 from khepera_hil.controllers import avoid, follow, fusion, home, object, phototaxy, push
-from khepera_hil.controllers.base import Controller, Decision, Program, Setting
+from khepera_hil.controllers.base import Commanded, Controller, Decision, Program, Setting
 
-__all__ = ["PROGRAMS", "Controller", "Decision", "Program", "Setting"]
+__all__ = ["PROGRAMS", "Commanded", "Controller", "Decision", "Program", "Setting"]
 
 _OBSTACLE = ("Prox", "Dir")
 

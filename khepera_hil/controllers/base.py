@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from brp import Description, Distribution, Question, Specification, Term, Value
 from khepera_hil.perception import Need, Readings, Sense
 
-__all__ = ["USUAL", "VTRANS", "Controller", "Decision", "Program", "Reactive", "Setting", "wheels", "without"]
+__all__ = ["USUAL", "VTRANS", "Commanded", "Controller", "Decision", "Program", "Reactive", "Setting"]
+__all__ += ["wheels", "without"]
 
 VTRANS = 5
 """The fixed translation speed of section 4.1, on the scale of the watchman's Vtrans (0..10)."""
@@ -67,6 +68,18 @@ class Controller(Protocol):
 
     def step(self, readings: Readings, rng: np.random.Generator) -> Decision:
         """One tick's decision. Raises brp's errors when the evidence is impossible."""
+
+
+@runtime_checkable
+class Commanded(Protocol):
+    """A controller that takes orders of the operator. Ask a program that knows none, and it is refused for it."""
+
+    def order(self, words: str) -> str:
+        """Take an order such as ``vigil on``, which holds from the next step on; what to tell whoever gave it.
+
+        Raises :class:`~khepera_hil.errors.OrderRefused`, with nothing changed, for one that it does not know or
+        that makes no sense now.
+        """
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,14 @@
-"""``emulator://ARENA?scenario=S&seed=N&clock=wall|simulated&baud=B``: a pyserial port, an emulated robot behind.
+"""``emulator://ARENA?scenario=S&seed=N&clock=wall|simulated&baud=B&faults=F``: an emulated robot as a port.
 
 ARENA is an arena's name or the path of a TOML file (``emulator:///home/me/arena.toml``); without one it is the
 scenario's, or ``furnished``. ``scenario`` is a scenario's name or path; ``object`` names a thing that stands on the
 arena's stage from the start; ``compression`` makes the battery so many times faster. ``seed`` is 0 by default,
 ``clock`` the wall's, ``baud`` the rate that the port is opened with (give another one, and the line is garbled).
-Each opening switches on a new robot in a new world.
+``robot`` is khepera or khepera2 (by default the first that has the rate), ``turrets`` what is plugged on it, such
+as ``gripper,k213`` or ``none``. ``faults`` are injected into the line (see :mod:`khepera_hil.faults`).
+
+Each opening switches on a new robot in a new world; but a line that a fault has unplugged is plugged in again by
+opening the same object anew, and meanwhile the robot went on as robots do.
 
 Everything runs in the caller's thread: the world is moved on when the port is used, as far as the clock
 says; with the simulated clock it is the reading and the sleeping that move the clock.
@@ -12,6 +16,7 @@ says; with the simulated clock it is the reading and the sleeping that move the 
 
 from __future__ import annotations
 
+import errno
 import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -20,9 +25,13 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 import serial
 from serial.serialutil import SerialBase
 
+from khepera_hil import chance
 from khepera_hil.clock import Clock, SimulatedClock, WallClock
+from khepera_hil.disturbed import Disturbed
 from khepera_hil.emulator import Emulator
 from khepera_hil.errors import UsageError
+from khepera_hil.faults import Faults, Specification
+from khepera_hil.rom import turrets
 from khepera_hil.uart import FIFO_16550
 from khepera_hil.world import Order, World, load_scenario
 
@@ -34,7 +43,7 @@ __all__ = ["Serial", "Witness"]
 _DRIVER_BUFFER = 4096
 """Characters that the host's driver takes before ``write`` has to wait, as a Linux terminal does."""
 
-_KEYS = ("scenario", "object", "compression", "seed", "clock", "baud")
+_KEYS = ("scenario", "object", "compression", "seed", "clock", "baud", "robot", "turrets", "faults")
 _CLOCKS: dict[str, type[WallClock] | type[SimulatedClock]] = {"wall": WallClock, "simulated": SimulatedClock}
 
 
@@ -94,6 +103,10 @@ class Serial(SerialBase):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self._emulator: Emulator | None = None
         self._input = bytearray()
+        self.faults: Faults | None = None
+        """What is done to the line, where anything is."""
+        self.unplugged = False
+        """Whether a fault has unplugged the line: opened again, it leads to the same robot."""
         super().__init__(*args, **kwargs)
 
     def open(self) -> None:
@@ -102,8 +115,17 @@ class Serial(SerialBase):
             raise serial.SerialException("Port is already open.")
         if self.port is None:
             raise serial.SerialException("Port must be configured before it can be used.")
-        world, make_clock, baud = _parsed(self.port)
-        self._emulator = Emulator(world, baud or self.baudrate, host_baud=self._checked_baudrate(), fifo=FIFO_16550)
+        if self.unplugged and isinstance(self._emulator, Disturbed):
+            if not self._emulator.plug_in(self.clock.now()):
+                raise serial.SerialException(errno.ENOENT, f"{self.port} is unplugged")
+            self._input.clear()
+            self.unplugged, self.is_open = False, True
+            return
+        world, make_clock, baud, fittings = _parsed(self.port)
+        self.faults = fittings.get("faults")
+        self._emulator = (Emulator if self.faults is None else Disturbed)(
+            world, baud or self.baudrate, host_baud=self._checked_baudrate(), fifo=FIFO_16550, **fittings
+        )
         self._input.clear()
         clock = make_clock()
         if isinstance(clock, SimulatedClock):
@@ -113,10 +135,12 @@ class Serial(SerialBase):
         self.witness = Witness(world, self._catch_up)
 
     def close(self) -> None:
-        """Let go of the robot; its world stands still from now on."""
+        """Let go of the robot; its world stands still from now on, unless the line was unplugged."""
         if self.is_open:
             self._catch_up()
             self.is_open = False
+            if self.unplugged:
+                return
             if isinstance(self.clock, SimulatedClock):
                 self.clock.on_advance = None
 
@@ -194,12 +218,15 @@ class Serial(SerialBase):
     def _pump(self, robot: Emulator) -> float:
         """Take over what has come by now."""
         now = self.clock.now()
+        if isinstance(robot, Disturbed) and robot.unplugged(now):
+            self.unplugged = True
+            raise serial.SerialException(errno.EIO, "the line is unplugged")
         self._input += robot.transmitted(now)
         return now
 
     def _catch_up(self) -> float:
         now = self.clock.now()
-        if self.is_open and self._emulator is not None:
+        if (self.is_open or self.unplugged) and self._emulator is not None:
             self._emulator.advance(now)
         return now
 
@@ -221,12 +248,13 @@ class Serial(SerialBase):
     def _update_break_state(self) -> None: ...
 
 
-def _parsed(url: str) -> tuple[World, Callable[[], WallClock | SimulatedClock], int | None]:
-    """World, clock and the robot's rate (None: the port's). Raises UsageError and WorldError."""
+def _parsed(url: str) -> tuple[World, Callable[[], WallClock | SimulatedClock], int | None, dict[str, Any]]:
+    """World, clock, the robot's rate (None: the port's), its kind and line. Raises UsageError and WorldError."""
     parts = urlsplit(url)
     arena = unquote(parts.netloc + parts.path)
     given: dict[str, str] = {}
-    for key, value in parse_qsl(parts.query, keep_blank_values=True):
+    # A plus is a plus here, as in disconnect@30+5, and no blank.
+    for key, value in parse_qsl(parts.query.replace("+", "%2B"), keep_blank_values=True):
         if key not in _KEYS:
             raise UsageError(f"emulator:// knows no {key!r}; there are {', '.join(_KEYS)}")
         if key in given:
@@ -243,7 +271,13 @@ def _parsed(url: str) -> tuple[World, Callable[[], WallClock | SimulatedClock], 
         compression=_factor(given["compression"]) if "compression" in given else None,
         present=given.get("object"),
     )
-    return world, _CLOCKS[clock], _whole("baud", given["baud"]) if "baud" in given else None
+    fittings: dict[str, Any] = {"robot": given["robot"]} if "robot" in given else {}
+    if "turrets" in given:
+        fittings["turrets"] = turrets(given["turrets"])
+    if "faults" in given:
+        chances = chance.streams(_whole("seed", given.get("seed", "0")))
+        fittings["faults"] = Faults(Specification.parse(given["faults"]), chances["line"])
+    return world, _CLOCKS[clock], _whole("baud", given["baud"]) if "baud" in given else None, fittings
 
 
 def _whole(key: str, text: str) -> int:

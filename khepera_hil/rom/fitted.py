@@ -9,7 +9,7 @@ from khepera_hil.errors import UsageError
 from khepera_hil.turrets import CAMERA, GRIPPER, SCAN_PERIODS, TURRETS, encode_turret_answer, parse_turret_request
 from khepera_hil.world import World
 
-__all__ = ["DEFAULT_FITTINGS", "FITTINGS", "GeneralIO", "Intelligent", "fit"]
+__all__ = ["DEFAULT_FITTINGS", "FITTINGS", "GeneralIO", "Intelligent", "ask", "fit", "turrets"]
 
 _FULL = 1023
 _VOLTS_A_STEP = 4.09 / 1024  # of the A/D converter (manual, command I)
@@ -139,14 +139,21 @@ DEFAULT_FITTINGS = ("k213", "genio")
 """The night watchman's: its camera, and its micro-turbine's port."""
 
 
-def fit(world: World, names: Sequence[str]) -> tuple[dict[int, Intelligent], GeneralIO | None]:
-    """The turrets of these names, the intelligent ones by number. Raises UsageError."""
+def turrets(text: str) -> tuple[str, ...]:
+    """The names in a list such as ``k213,genio``; ``none`` is none. Raises UsageError."""
+    names = [name.strip() for name in text.split(",")] if text.strip() != "none" else []
     for name in names:
         if name not in FITTINGS:
             raise UsageError(f"there is no turret {name!r}; there are {', '.join(FITTINGS)}")
+    return tuple(dict.fromkeys(names))
+
+
+def fit(world: World, names: Sequence[str]) -> tuple[dict[int, Intelligent], GeneralIO | None]:
+    """The turrets of these names, the intelligent ones by number. Raises UsageError."""
+    turrets(",".join(names) or "none")
     makers: dict[str, Callable[[], Intelligent]] = {"gripper": Gripper, "k213": lambda: Camera(world)}
-    turrets = [make() for name, make in makers.items() if name in names]
-    return {turret.number: turret for turret in turrets}, GeneralIO(world) if "genio" in names else None
+    fitted = [make() for name, make in makers.items() if name in names]
+    return {turret.number: turret for turret in fitted}, GeneralIO(world) if "genio" in names else None
 
 
 def ask(fitted: dict[int, Intelligent], number: int, text: str) -> str | None:

@@ -14,7 +14,7 @@ from khepera_hil.clock import WallClock
 from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link
 from khepera_hil.opening import Port
-from khepera_hil.protocol import RequestLines, RequestRefused, encode_answer, parse_request
+from khepera_hil.protocol import COMMAND_NOT_FOUND, RequestLines, RequestRefused, encode_answer, parse_request
 
 BAUD = 38400
 ANSWERS: dict[str, tuple[int | str, ...]] = {
@@ -22,6 +22,7 @@ ANSWERS: dict[str, tuple[int | str, ...]] = {
     "K": (0,) * 6,
     "E": (0, 0),
     "N": (1, 2, 3, 4, 5, 6, 7, 1023),
+    "O": (498, 501, 497, 499, 500, 502, 500, 499),
     "D": (),
 }
 
@@ -38,6 +39,7 @@ class Robot:
         self._mute = mute
         self._woken, self._wake = os.pipe()
         self.heard = bytearray()
+        self.answers = dict(ANSWERS)
         self._thread = threading.Thread(target=self._serve)
         self._thread.start()
 
@@ -65,7 +67,9 @@ class Robot:
         except RequestRefused as refused:
             return refused.reply
         assert request is not None
-        return encode_answer(request[0], *ANSWERS[request[0]])
+        if request[0] not in self.answers:
+            return COMMAND_NOT_FOUND
+        return encode_answer(request[0], *self.answers[request[0]])
 
     def off(self) -> None:
         os.write(self._wake, b".")

@@ -142,6 +142,22 @@ def test_another_turrets_answer_is_no_answer() -> None:
     assert link.ask("T", 2, "O") == (2, "o,31")
 
 
+def pixels(*values: int) -> bytes:
+    return b"t,2,n," + ",".join(map(str, values)).encode() + b"\r\n"
+
+
+@pytest.mark.parametrize(
+    "answer", [pixels(*range(63)), pixels(*range(65)), pixels(*range(63), 256), pixels(*range(63)) + b"\n"]
+)
+def test_an_image_is_whole_and_in_range_or_none(answer: bytes) -> None:
+    link, _ = conversation(*SYNCHRONISED, Turn(b"T,2,N\n", answer))
+    with pytest.raises(BadAnswer):
+        link.ask("T", 2, "N")
+    assert not link.synchronised
+    link, _ = conversation(*SYNCHRONISED, Turn(b"T,2,N\n", pixels(*range(64))))
+    assert link.ask("T", 2, "N")[0] == 2
+
+
 def test_values_outside_the_protocol_are_never_sent() -> None:
     link, port = conversation()
     with pytest.raises(ProtocolError):

@@ -122,7 +122,7 @@ def test_the_systems_own_words_become_a_sentence(
     def refuse(*_: object, **__: object) -> None:
         raise serial.SerialException(number, os.strerror(number))
 
-    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    monkeypatch.setattr(serial.Serial, "open", refuse)
     with pytest.raises(PortError, match=sentence):
         open_port("/dev/ttyUSB0", BAUD)
 

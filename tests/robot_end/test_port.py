@@ -182,9 +182,11 @@ def test_the_same_seed_gives_the_same_bytes() -> None:
     ("url", "complaint"),
     [
         ("emulator://moon", "no arena 'moon'"),
-        ("emulator://empty?sed=3", r"knows no 'sed'; there are seed, clock, baud"),
+        ("emulator://empty?sed=3", r"knows no 'sed'; there are scenario, .*, turrets"),
         ("emulator://empty?clock=sun", r"no clock 'sun'; there are wall and simulated"),
         ("emulator://empty?seed=-1", r"a whole number for seed, not '-1'"),
+        ("emulator://empty?robot=koala", "no robot 'koala'; there are khepera and khepera2"),
+        ("emulator://empty?turrets=k213,radar", "no turret 'radar'; there are gripper, k213, genio"),
         ("emulator://empty?baud=31250", r"no Khepera talks at 31250 baud"),
     ],
 )
@@ -198,3 +200,23 @@ def test_an_arena_may_be_a_file(tmp_path: Any) -> None:
     path.write_text("title = 'mine'\n[start]\nat_mm = [300, 400]\n")
     with opened(f"emulator://{path}?clock=simulated") as port:
         assert port.witness.pose() == pytest.approx((0.3, 0.4, 0.0))
+
+
+def test_robot_and_turrets_may_be_chosen() -> None:
+    url = "emulator://empty?clock=simulated&robot=khepera2&turrets=gripper"
+    with serial.serial_for_url(url, baudrate=57600, timeout=0.5) as port:
+        assert port.read(2000).endswith(b"Serial Communication Protocol\r\n")
+        assert ask(port, b"B\n") == b"b,6.01,6.01\r\n"
+        assert ask(port, b"T,1,B\n") == b"t,1,b,1,0\r\n"
+        assert ask(port, b"T,2,B\n") == b"z,Turret order not supported\r\n"
+
+
+def test_the_wires_pace_follows_the_tool_serial_when_the_port_does() -> None:
+    with opened(baudrate=9600) as port:
+        port.write(b"serial 38400\n")
+        port.flush()
+        port.clock.sleep_until(port.clock.now() + 0.01)
+        port.baudrate = 38400
+        start = port.clock.now()
+        assert ask(port, b"B\n") == b"b,5.01,5.00\r\n"
+        assert port.clock.now() - start <= wire_seconds(2 + 13 + 4, 38400) + 1e-9

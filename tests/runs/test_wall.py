@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
+import pty
 import signal
 import subprocess
+import sys
+import termios
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 import serial
 
-from tests.runs.cli import khepera_hil, start
+from tests.runs.cli import environment, khepera_hil, start
 
 
 def line_with(process: subprocess.Popen[str], word: str, timeout: float = 60) -> str:
@@ -61,7 +68,7 @@ def test_the_same_program_drives_the_emulator_over_a_pty(tmp_path: Path) -> None
         assert any(tick["command"] != [4, 4] for tick in ticks if tick["command"])
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGQUIT, signal.SIGTSTP])
 def test_a_signal_stops_the_wheels_closes_the_recording_and_is_no_failure(tmp_path: Path, number: int) -> None:
     link = tmp_path / "khepera"
     with emulator(link, "--world", "empty"):
@@ -108,7 +115,7 @@ def test_a_wrong_baud_rate_is_told_as_such(tmp_path: Path) -> None:
 def test_a_line_that_is_cut_ends_the_run_with_a_sentence_and_a_closed_recording(tmp_path: Path) -> None:
     link = tmp_path / "khepera"
     with emulator(link) as robot:
-        process = start("--port", link, "--json", cwd=tmp_path)
+        process = start("--port", link, "--patience", "1", "--json", cwd=tmp_path)
         line_with(process, "wheels")
         robot.kill()
         out, err = process.communicate(timeout=30)
@@ -123,3 +130,145 @@ def test_the_emulator_in_process_runs_in_wall_time_too(tmp_path: Path) -> None:
     done = khepera_hil("--duration", "2", "--seed", "1", "--json", cwd=tmp_path)
     assert done.code == 0, done.err
     assert 0 < done.result["ticks"] + done.result["missed"] <= 20
+
+
+def manifest(folder: Path) -> dict[str, Any]:
+    found = json.loads((folder / "manifest.json").read_text())
+    assert isinstance(found, dict)
+    return found
+
+
+def ticks(folder: Path) -> list[dict[str, Any]]:
+    text = (folder / "ticks.jsonl").read_text()
+    return [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
+
+
+def the_run(folder: Path) -> Path:
+    [run] = (folder / "runs").iterdir()
+    return run
+
+
+def eventually(what: Callable[[], bool], seconds: float = 60.0) -> None:
+    """Something that comes by itself, however busy the machine is."""
+    end = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < end, what
+        time.sleep(0.02)
+
+
+def test_a_terminal_that_goes_leaves_the_run_alone_and_an_order_ends_it(tmp_path: Path) -> None:
+    link = tmp_path / "khepera"
+    master, slave = pty.openpty()
+    with emulator(link, "--world", "empty"):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "khepera_hil", "--port", str(link), "--program", "avoid"],
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            start_new_session=True,
+            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # as a terminal's own
+            cwd=tmp_path,
+            env=environment(),
+        )
+        os.close(slave)
+        shown = b""
+        while b"wheels" not in shown:
+            shown += os.read(master, 4096)
+        os.close(master)  # the terminal is closed; the kernel sends SIGHUP
+        run = the_run(tmp_path)
+        eventually(lambda: any("SIGHUP" in text for tick in ticks(run) for _, text in tick["events"]))
+        heard = next(n for n, tick in enumerate(ticks(run)) if any("SIGHUP" in text for _, text in tick["events"]))
+        eventually(lambda: len(ticks(run)) > heard + 5)
+        assert ticks(run)[-1]["command"]
+        assert process.poll() is None
+        done = khepera_hil("order", "stop", cwd=tmp_path)
+        assert done.code == 0, done.err
+        assert process.wait(30) == 0
+        assert manifest(run)["ending"]["stop"] == "order"
+        assert not (run / "orders.sock").exists()
+
+
+def test_an_order_that_the_program_does_not_know_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    link = tmp_path / "khepera"
+    with emulator(link, "--world", "empty"):
+        process = start("--port", link, "--program", "avoid", cwd=tmp_path)
+        line_with(process, "wheels")
+        done = khepera_hil("order", "vigil", "on", cwd=tmp_path)
+        assert done.code == 8
+        assert done.err == "khepera-hil: avoid knows no order 'vigil on'; it takes stop and resume\n"
+        assert khepera_hil("order", "--run", the_run(tmp_path), "stop", cwd=tmp_path).code == 0
+        process.communicate(timeout=30)
+        assert [tick["orders"] for tick in ticks(the_run(tmp_path)) if tick["orders"]] == [["stop"]]
+
+
+def test_without_a_run_an_order_says_so(tmp_path: Path) -> None:
+    for words, code in ((["stop"], 8), (["--run", "runs/none", "stop"], 8), (["STOP!"], 2), ([], 2)):
+        done = khepera_hil("order", *words, cwd=tmp_path)
+        assert done.code == code
+        assert done.err.count("\n") == 1
+        assert done.err.startswith("khepera-hil: ")
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_run_that_is_killed_or_held_up_leaves_wheels_that_stand_still(tmp_path: Path, number: int) -> None:
+    """The same as a hundred times: python -m benchmarks.guard."""
+    link = tmp_path / "khepera"
+    with emulator(link, "--world", "empty"):
+        process = start("--port", link, "--program", "avoid", cwd=tmp_path)
+        try:
+            line_with(process, "wheels")
+            run = the_run(tmp_path)
+            eventually(lambda: len(ticks(run)) > 3)
+            process.send_signal(number)
+            eventually(lambda: (run / "guard.jsonl").exists())
+            acted = json.loads((run / "guard.jsonl").read_text())
+            assert acted["sent"] is True
+            numbers = [tick["tick"] for tick in ticks(run)]
+            assert numbers == list(range(len(numbers)))
+            if number == signal.SIGSTOP:
+                process.send_signal(signal.SIGCONT)
+                _, err = process.communicate(timeout=30)
+                assert process.returncode == 7
+                assert "the guard has stopped the wheels" in err.splitlines()[-1]
+                assert manifest(run)["ending"]["state"] == "stopped"
+            else:
+                process.communicate(timeout=30)
+            eventually(lambda: speeds(link) == b"e,0,0\r\n")  # what is left is their own inertia, and that ends
+        finally:
+            process.kill()
+            process.communicate(timeout=30)
+
+
+def test_an_emulator_that_dies_and_comes_back_is_found_and_waits_for_the_order_to_resume(tmp_path: Path) -> None:
+    link = tmp_path / "khepera"
+    with emulator(link, "--world", "empty") as first:
+        process = start("--port", link, "--program", "avoid", cwd=tmp_path)
+        try:
+            line_with(process, "wheels")
+            run = the_run(tmp_path)
+            eventually(lambda: len(ticks(run)) > 10)
+            first.terminate()
+            first.wait(30)
+            eventually(lambda: ticks(run)[-1]["state"] == "disconnected")
+            with emulator(link, "--world", "empty"):
+                eventually(lambda: ticks(run)[-1]["state"] == "ready")
+                assert {tuple(tick["command"]) for tick in ticks(run)[-1:] if tick["command"]} <= {(0, 0)}
+                done = khepera_hil("order", "resume", cwd=tmp_path)
+                assert done.code == 0, done.err
+                eventually(lambda: bool(ticks(run)[-1]["evidence"]))
+                process.terminate()
+                _, err = process.communicate(timeout=30)
+                assert process.returncode == 0, err
+            numbers = [tick["tick"] for tick in ticks(run)]
+            assert numbers == list(range(len(numbers)))
+            assert manifest(run)["ending"]["lines_lost"] >= 1
+            assert not (run / "guard.jsonl").exists()
+        finally:
+            process.kill()
+            process.communicate(timeout=30)
+
+
+def test_a_port_without_a_descriptor_has_no_guard_and_says_so(tmp_path: Path) -> None:
+    done = khepera_hil("--port", "loop://", cwd=tmp_path)
+    assert done.code == 4
+    assert "no guard" in done.err
