@@ -93,7 +93,8 @@ class Conduct:
         return None
 
     def _command(self, tick: Tick, decision: Decision) -> None:
-        """What the body does beside its wheels, which come first; the robot is none the worse for not hearing it."""
+        """What the body does beside its wheels, which come first; the robot is none the worse for not hearing
+        it."""
         for letter, *values in decision.commands:
             try:
                 self._wheels.beside(str(letter), *values)

@@ -44,7 +44,6 @@ class Sight:
             if name != "robot" and self._told.get(name) != seen:
                 self._told[name] = tick.moved[name] = seen
 
-
     def tell(self, tick: Tick) -> None:
         """What can be heard outside of what happened in the tick."""
         if self._witness is not None and any(level == "alarm" for level, _ in tick.events):

@@ -11,9 +11,10 @@
     P(Li | Theta2 Level pi-sensor)
     = .98 G(500 - 418 s, sigma(s)) + .02 Uniform,  s = min(1, Level (K(Theta2, theta_i) + .04))
 
-Not in the paper, whose pi-fusion expects the full swing of a sensor that a near lamp lights: from 200 mm on its answer
-is more than 50 degrees off (`brp.programs.fusion`), and a robot that asks it across its arena does not come home. Here
-the light has a strength, which is summed out; sensors saturate; a uniform share keeps a broken one from being believed.
+Not in the paper, whose pi-fusion expects the full swing of a sensor that a near lamp lights: from 200 mm on its
+answer is more than 50 degrees off (`brp.programs.fusion`), and a robot that asks it across its arena does not come
+home. Here the light has a strength, which is summed out; sensors saturate; a uniform share keeps a broken one from
+being believed.
 
 Level = 0 is that no lamp is seen. Then there is no bearing, and straight on is where to look for one: that is what
 P(Theta2 | Level = 0) says, in place of a threshold on the readings and a value for what is below it. A bearing that

@@ -9,8 +9,8 @@
 
 Not in the paper. `brp.programs.level` lets a sensor in front of the lamp fall by any amount; here the light may
 have any strength and the sensor saturates, as a real one does: a lamp that is near, or bright, lights sensors far
-off its axis as fully as the one that faces it, and by .03 those that look away. Level is the light's strength at the
-robot, 1 being what saturates a sensor on its axis; it is summed out.
+off its axis as fully as the one that faces it, and by .03 those that look away. Level is the light's strength at
+the robot, 1 being what saturates a sensor on its axis; it is summed out.
 
 alpha and beta of K, and the levels in the dark and in full light, can be calibrated for each sensor (section 6.2);
 the usual ones are those of a measured Khepera. The deviation is the noise in the dark, a share of the swing for how

@@ -22,8 +22,8 @@ from khepera_hil.budget import plan
 from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
 from khepera_hil.commands.setting import add_setting, setting_of
-from khepera_hil.controllers import PROGRAMS, Controller
 from khepera_hil.commands.signals import heeded
+from khepera_hil.controllers import PROGRAMS, Controller
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
 from khepera_hil.faults import Specification
 from khepera_hil.follower import Follower

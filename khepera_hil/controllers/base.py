@@ -43,8 +43,8 @@ class Decision:
     events: Sequence[tuple[str, str]] = ()
     """What the user should know of this tick: level (info, warning) and a sentence."""
     commands: Sequence[tuple[int | str, ...]] = ()
-    """Requests beside D that are sent after it, letter and values: ``("W", 1, 32)``. One that is not confirmed is an
-    event and nothing more, so a controller says again what matters."""
+    """Requests beside D that are sent after it, letter and values: ``("W", 1, 32)``. One that is not confirmed is
+    an event and nothing more, so a controller says again what matters."""
 
 
 class Controller(Protocol):

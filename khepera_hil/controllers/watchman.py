@@ -1,8 +1,8 @@
 """The night watchman (section 10): 41 variables, 12 descriptions, four levels, one question, ten times a second.
 
 Each tick: the 33 sensory variables, from the readings, the operator's orders and the memory; the questions (see
-`watchman_mind`); the draws; wheels, turbine and alarm; the memory. What is known here and in no description stands in
-``docs/watchman.md``.
+`watchman_mind`); the draws; wheels, turbine and alarm; the memory. What is known here and in no description stands
+in ``docs/watchman.md``.
 """
 
 from __future__ import annotations
@@ -107,17 +107,11 @@ class Watchman:
         vrot, vtrans = cast(int, thought.draws["Vrot"]), cast(int, thought.draws["Vtrans"])
         left, right = wheels(vrot, vtrans)
         commands = self._body.step(blow=self._memory.move == "blow", alarm=alarm)
-        return Decision(
-            evidence, thought.answers, thought.u, thought.draws, left, right, clipped, events, commands
-        )
+        return Decision(evidence, thought.answers, thought.u, thought.draws, left, right, clipped, events, commands)
 
-    def _sensed(
-        self, readings: Readings, events: list[tuple[str, str]]
-    ) -> tuple[dict[str, Value], dict[str, int]]:
+    def _sensed(self, readings: Readings, events: list[tuple[str, str]]) -> tuple[dict[str, Value], dict[str, int]]:
         """The 33 sensory variables."""
-        around, near, ahead = (
-            sense.step(readings) for sense in (self._surroundings, self._obstacle, self._ahead)
-        )
+        around, near, ahead = (sense.step(readings) for sense in (self._surroundings, self._obstacle, self._ahead))
         evidence: dict[str, Value] = dict(around.values)
         way, heading = self._odometry.way, self._odometry.heading
         self._odometry.step(readings)

@@ -20,8 +20,8 @@ def tempo(move: str, age: int, *, arrived: bool) -> str:
 class Drawn:
     """The usual memory: one Behavior and one Move, drawn given the motors that were drawn.
 
-    So the motors keep the law of E10.4 and the memory fits the movement: wheels that stand still are remembered as a
-    stop. Before the first tick it is an idle robot's.
+    So the motors keep the law of E10.4 and the memory fits the movement: wheels that stand still are remembered as
+    a stop. Before the first tick it is an idle robot's.
     """
 
     def __init__(self) -> None:

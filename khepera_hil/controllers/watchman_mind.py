@@ -6,8 +6,8 @@ pi-watchman with what was drawn before among the known, so that by P(A) P(B | A)
 law whichever variables are drawn, and in whatever order; what differs is the cost, what there is to be seen, and
 what is left to remember.
 
-O is independent of the motors given the sensory variables: it leaves the sum of E10.4 as a factor. So E10.3 is asked
-as its two factors, the motors in each tick and O when there is a tour to recognise an object by.
+O is independent of the motors given the sensory variables: it leaves the sum of E10.4 as a factor. So E10.3 is
+asked as its two factors, the motors in each tick and O when there is a tour to recognise an object by.
 """
 
 from __future__ import annotations

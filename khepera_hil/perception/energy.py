@@ -17,7 +17,8 @@ _HYSTERESIS = 0.02
 _VOLTS_A_STEP = 4.09 / 1024
 _CHARGES = (0.0, 0.1, 0.5, 0.9, 1.0)
 _VOLTS = (4.0, 4.7, 4.9, 5.05, 5.4)
-"""Four NiCd cells over their charge, a plateau that is steep at both ends (proposed: nothing measured was found)."""
+"""Four NiCd cells over their charge, a plateau that is steep at both ends (proposed: nothing measured was
+found)."""
 
 
 def charge(reading: int) -> float:

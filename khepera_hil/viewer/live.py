@@ -1,7 +1,7 @@
 """Looking on while a run goes on: a server of its own for viewers, which come and go as they like.
 
-The server keeps the last ``MEMORY`` of what it was sent, so that a viewer that comes late sees what was. It is fed by
-a follower of its own (see ``follower``): neither the loop nor the file waits for a viewer, and nothing here ever
+The server keeps the last ``MEMORY`` of what it was sent, so that a viewer that comes late sees what was. It is fed
+by a follower of its own (see ``follower``): neither the loop nor the file waits for a viewer, and nothing here ever
 connects to one.
 """
 
