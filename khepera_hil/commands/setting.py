@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from khepera_hil.controllers import PROGRAMS, Setting
+from khepera_hil.controllers.watchman_mind import EARLY, LATE
 from khepera_hil.errors import UsageError
 from khepera_hil.teaching.dataset import taught
 
@@ -25,6 +26,30 @@ def add_setting(parser: argparse.ArgumentParser) -> None:
         metavar="DATA",
         help="go by what was taught: a data set's name or file, an identified description, or a run's folder",
     )
+    parser.add_argument(
+        "--decide",
+        type=_early,
+        default=LATE,
+        metavar="WHEN",
+        help="watchman: late (all but the motors summed out), early (all drawn), or names of what is to be drawn "
+        "before the motors, such as Behavior,Move (default: late)",
+    )
+    parser.add_argument(
+        "--memory",
+        choices=("drawn", "whole"),
+        default="drawn",
+        help="watchman: what it carries from tick to tick (default: %(default)s)",
+    )
+
+
+def _early(text: str) -> tuple[str, ...]:
+    """A type for argparse: late, early, or names of internal variables with commas between."""
+    if text in ("late", "early"):
+        return EARLY if text == "early" else LATE
+    names = tuple(text.split(","))
+    if any(name not in EARLY for name in names):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither late nor early nor some of {','.join(EARLY)}")
+    return names
 
 
 def setting_of(asked: argparse.Namespace) -> Setting:
@@ -36,8 +61,12 @@ def setting_of(asked: argparse.Namespace) -> Setting:
             raise UsageError(f"--unknown {name}: the question of {asked.program} knows {knows}")
     if len(set(asked.unknown)) == len(program.known) and asked.unknown:
         raise UsageError(f"--unknown leaves {asked.program} with nothing that it knows; leave one variable out")
+    if asked.program != "watchman" and (asked.decide or asked.memory != "drawn"):
+        raise UsageError(f"--decide and --memory are about --program watchman, not {asked.program}")
+    if asked.decide and asked.memory == "whole":
+        raise UsageError("--memory whole draws nothing but the motors, so --decide does not go with it")
     if asked.data is None:
-        return Setting(tuple(asked.unknown))
+        return Setting(tuple(asked.unknown), early=asked.decide, memory=asked.memory)
     if program.specification is None:
         raise UsageError(f"{asked.program} is not taught, so --data does not go with it")
     return Setting(tuple(asked.unknown), taught(asked.data, program.specification))

@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from brp import Description, Distribution, Question, Specification, Term, Value
+from brp.programs.lamp import LightSensor
 from khepera_hil.perception import Need, Readings, Sense
 
 __all__ = ["USUAL", "VTRANS", "Commanded", "Controller", "Decision", "Program", "Reactive", "Setting"]
@@ -90,6 +91,14 @@ class Setting:
     """Variables that the question is not told, because a sensor failed (E5.3); they are summed out."""
     taught: Description | None = None
     """What to go by in place of the program's own description: the same specification, other data (lesson 2)."""
+    sensors: tuple[LightSensor, ...] | None = None
+    """The light sensors as they were calibrated (section 6.2)."""
+    met: tuple[Mapping[str, int], ...] = ()
+    """The objects met in earlier runs: rows of O, Nlt, Nrt, Per, Lrl (section 8)."""
+    early: tuple[str, ...] = ()
+    """The internal variables that are drawn before the motors are (section 10.4); none: late."""
+    memory: str = "drawn"
+    """What the watchman carries from tick to tick: what was ``drawn``, or the ``whole`` distribution."""
 
 
 USUAL = Setting()

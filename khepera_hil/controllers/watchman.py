@@ -18,9 +18,10 @@ from brp.programs.beacon import locate_beacon
 from brp.programs.object import Lrl, Nlt, Nrt, O, Per, recognised, unacquainted
 from brp.programs.watchman import pi_watchman
 from khepera_hil.controllers.base import USUAL, VTRANS, Decision, Setting, wheels
-from khepera_hil.controllers.watchman_body import Body
+from khepera_hil.controllers.watchman_body import AT_REST, Body
 from khepera_hil.controllers.watchman_memory import Drawn
-from khepera_hil.controllers.watchman_mind import FILLED, LATE, MOTORS, Mind, filled
+from khepera_hil.controllers.watchman_mind import FILLED, MOTORS, Mind, Thought, filled
+from khepera_hil.controllers.watchman_whole import WholeMind
 from khepera_hil.errors import OrderRefused
 from khepera_hil.perception import LightAhead, Need, Obstacle, Odometry, Readings, Tour
 from khepera_hil.perception.base import Surroundings
@@ -37,14 +38,17 @@ _ENERGY = ("I", VOLTAGE)
 _EVERY = 10  # ticks from one reading of the battery's voltage to the next
 _TOUR = ("Nlt", "Nrt", "Per", "Lrl")
 _STILL = 1  # pulses that a wheel which stands still may creep in a tick
+_SECOND = 10  # ticks
 _LONGEST = 900  # ticks of following after which there is no object to be gone round
 
 
 class Watchman:
-    """The controller. ``early`` names the internal variables that are drawn before the motors (see `Mind`)."""
+    """The controller. ``setting.early`` names what is drawn before the motors, ``setting.memory`` what is kept."""
 
     name = "watchman"
     decides = MOTORS
+    at_rest = AT_REST
+    """What is commanded when the run is over and the wheels stand still."""
     needs: Sequence[str | Need] = (
         Need("I", (VOLTAGE,), every=_EVERY),
         "H",
@@ -53,23 +57,24 @@ class Watchman:
         "N",
     )
 
-    def __init__(self, setting: Setting = USUAL, *, early: Sequence[str] = LATE) -> None:
+    def __init__(self, setting: Setting = USUAL) -> None:
         self.vigil = self.identify = False
         """The operator's orders."""
         self.energy = Energy()
         self.fire = Fire()
         self.movement = Movement()
-        self._early = early
         self._surroundings, self._obstacle, self._ahead = Surroundings(), Obstacle(), LightAhead()
         self._odometry, self._tour = Odometry(), Tour()
         self._memory = Drawn()
         self._body = Body()
         self._knowing = unacquainted
-        self._mind = Mind(pi_watchman(locate=locate_beacon).identify(), early)
+        watching = pi_watchman(locate=locate_beacon).identify()
+        self._mind = WholeMind() if setting.memory == "whole" else Mind(watching, setting.early)
         self._recognise = self._knowing.ask(P(O | Nlt, Nrt, Per, Lrl))
         self._last_tour = dict.fromkeys(_TOUR, 0)
         self._counters: tuple[int, int] | None = None
         self._followed = 0
+        self._unfilled, self._heaviest = _SECOND, 0.0
 
     @property
     def questions(self) -> Mapping[str, Question]:
@@ -95,19 +100,30 @@ class Watchman:
         """Sense, ask, draw, act, remember."""
         events: list[tuple[str, str]] = []
         evidence, clipped = self._sensed(readings, events)
-        thought = self._mind.think(evidence, rng)
-        if (weight := filled(evidence, thought.answers["Base"])) > FILLED:
-            events.append(("info", f"pi-behavior asked without Behavior_t-1, for {weight:.0%} of P(Base)"))
-        before = self._memory.move
-        self._memory.keep(thought.draws)
+        thought = self._think(evidence, rng)
+        self._fill(filled(evidence, thought.answers["Base"]), events)
+        self._memory.keep(thought.behavior, thought.move)
         if evidence["Tour"] == "done":
             thought.answers["O"] = self._recognised(events)
-        self._give_up_identifying(before, events)
+        self._give_up_identifying(events)
         alarm = self._alarmed(readings, events)
         vrot, vtrans = cast(int, thought.draws["Vrot"]), cast(int, thought.draws["Vtrans"])
         left, right = wheels(vrot, vtrans)
         commands = self._body.step(blow=self._memory.move == "blow", alarm=alarm)
         return Decision(evidence, thought.answers, thought.u, thought.draws, left, right, clipped, events, commands)
+
+    def _think(self, evidence: dict[str, Value], rng: np.random.Generator) -> Thought:
+        if isinstance(self._mind, WholeMind):
+            return self._mind.think(evidence, rng, arrived=self.fire.arrived)
+        return self._mind.think(evidence, rng)
+
+    def _fill(self, weight: float, events: list[tuple[str, str]]) -> None:
+        """An event when impossible rows weigh; at most one a second, with the most that they weighed."""
+        self._unfilled += 1
+        self._heaviest = max(self._heaviest, weight)
+        if self._heaviest > FILLED and self._unfilled >= _SECOND:
+            events.append(("info", f"pi-behavior asked without Behavior_t-1, for {self._heaviest:.0%} of P(Base)"))
+            self._unfilled, self._heaviest = 0, 0.0
 
     def _sensed(self, readings: Readings, events: list[tuple[str, str]]) -> tuple[dict[str, Value], dict[str, int]]:
         """The 33 sensory variables."""
@@ -172,7 +188,7 @@ class Watchman:
         self._recognise = self._knowing.ask(P(O | Nlt, Nrt, Per, Lrl))
         return answer
 
-    def _give_up_identifying(self, before: str, events: list[tuple[str, str]]) -> None:
+    def _give_up_identifying(self, events: list[tuple[str, str]]) -> None:
         if not self.identify:
             return
         self._followed += self._memory.move == "follow"

@@ -49,6 +49,9 @@ class Thought:
     answers: dict[str, Distribution] = field(default_factory=dict)
     u: dict[str, float] = field(default_factory=dict)
     draws: dict[str, Value] = field(default_factory=dict)
+    behavior: str = ""
+    """What the turbine, the alarm and the memory go by."""
+    move: str = ""
 
     def draw(self, key: str, answer: Distribution, rng: np.random.Generator) -> None:
         """Draw from an answer: one uniform number, a value for each of its variables that has none yet."""
@@ -99,6 +102,7 @@ class Mind:
         if self._forgotten:
             known |= thought.draws
             thought.draw(REMEMBERED, self._answer(REMEMBERED, known), rng)
+        thought.behavior, thought.move = str(thought.draws["Behavior"]), str(thought.draws["Move"])
         return thought
 
     def _answer(self, key: str, known: Mapping[str, Value]) -> Distribution:
