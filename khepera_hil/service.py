@@ -98,6 +98,11 @@ class Service:
         return str(self.lifecycle.current_state_value)
 
     @property
+    def commanded(self) -> bool:
+        """Whether its program takes orders of its own."""
+        return isinstance(self._controller, Commanded)
+
+    @property
     def rested(self) -> bool:
         """Whether the robot acknowledged the last order to stand still."""
         return self.health.rested

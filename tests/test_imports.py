@@ -76,6 +76,7 @@ TABLE: dict[str, set[str]] = {
         "numpy",
     },
     "khepera_hil.scheduler": {"khepera_hil.clock"},
+    "khepera_hil.keys": {"khepera_hil.orders"},
     "khepera_hil.guard": set(),  # it is run as a script, by itself
     "khepera_hil.guarding": {"khepera_hil.guard", "khepera_hil.errors"},
     "khepera_hil.wheels": {
