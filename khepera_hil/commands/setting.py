@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 
+from khepera_hil.commands.parser import number
 from khepera_hil.controllers import PROGRAMS, Setting
+from khepera_hil.controllers.base import USUAL
 from khepera_hil.controllers.watchman_mind import EARLY, LATE
 from khepera_hil.errors import UsageError
 from khepera_hil.teaching.dataset import taught
@@ -40,6 +42,13 @@ def add_setting(parser: argparse.ArgumentParser) -> None:
         default="drawn",
         help="watchman: what it carries from tick to tick (default: %(default)s)",
     )
+    parser.add_argument(
+        "--stay",
+        type=number(0.5, 0.9999, "a probability"),
+        default=0.9,
+        metavar="P",
+        help="watchman: the diagonal of table 2 where the paper prints .90; .999 swaps behaviors less often",
+    )
 
 
 def _early(text: str) -> tuple[str, ...]:
@@ -61,12 +70,12 @@ def setting_of(asked: argparse.Namespace) -> Setting:
             raise UsageError(f"--unknown {name}: the question of {asked.program} knows {knows}")
     if len(set(asked.unknown)) == len(program.known) and asked.unknown:
         raise UsageError(f"--unknown leaves {asked.program} with nothing that it knows; leave one variable out")
-    if asked.program != "watchman" and (asked.decide or asked.memory != "drawn"):
-        raise UsageError(f"--decide and --memory are about --program watchman, not {asked.program}")
+    if asked.program != "watchman" and (asked.decide or asked.memory != "drawn" or asked.stay != USUAL.stay):
+        raise UsageError(f"--decide, --memory and --stay are about --program watchman, not {asked.program}")
     if asked.decide and asked.memory == "whole":
         raise UsageError("--memory whole draws nothing but the motors, so --decide does not go with it")
     if asked.data is None:
-        return Setting(tuple(asked.unknown), early=asked.decide, memory=asked.memory)
+        return Setting(tuple(asked.unknown), early=asked.decide, memory=asked.memory, stay=asked.stay)
     if program.specification is None:
         raise UsageError(f"{asked.program} is not taught, so --data does not go with it")
     return Setting(tuple(asked.unknown), taught(asked.data, program.specification))

@@ -99,6 +99,8 @@ class Setting:
     """The internal variables that are drawn before the motors are (section 10.4); none: late."""
     memory: str = "drawn"
     """What the watchman carries from tick to tick: what was ``drawn``, or the ``whole`` distribution."""
+    stay: float = 0.9
+    """The watchman's: what stands on the diagonal of table 2 for the paper's .90."""
 
 
 USUAL = Setting()

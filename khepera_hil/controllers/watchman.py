@@ -15,6 +15,7 @@ import numpy as np
 from brp import BrpError, Distribution, P, Question, Value
 from brp.programs.base import at_base
 from brp.programs.beacon import locate_beacon
+from brp.programs.behavior import behavior, steadier
 from brp.programs.object import Lrl, Nlt, Nrt, O, Per, recognised, unacquainted
 from brp.programs.watchman import pi_watchman
 from khepera_hil.controllers.base import USUAL, VTRANS, Decision, Setting, wheels
@@ -68,7 +69,8 @@ class Watchman:
         self._memory = Drawn()
         self._body = Body()
         self._knowing = unacquainted
-        watching = pi_watchman(locate=locate_beacon).identify()
+        temporal = behavior if setting.stay == USUAL.stay else steadier(setting.stay)
+        watching = pi_watchman(locate=locate_beacon, behavior=temporal).identify()
         self._mind = WholeMind() if setting.memory == "whole" else Mind(watching, setting.early)
         self._recognise = self._knowing.ask(P(O | Nlt, Nrt, Per, Lrl))
         self._last_tour = dict.fromkeys(_TOUR, 0)

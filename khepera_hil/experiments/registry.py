@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from khepera_hil.experiments import section5
+from khepera_hil.experiments import section5, watchman
 from khepera_hil.experiments.experiment import Experiment
 
 __all__ = ["EXPERIMENTS"]
 
 EXPERIMENTS: Mapping[str, Experiment] = MappingProxyType(
-    {experiment.name: experiment for experiment in (*section5.EXPERIMENTS,)}
+    {experiment.name: experiment for experiment in (*section5.EXPERIMENTS, watchman.experiment())}
 )
