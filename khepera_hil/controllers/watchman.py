@@ -138,6 +138,7 @@ class Watchman:
             readings.light,
             aim=ahead.values["DirL"],
             near=ahead.values["ProxL"],
+            prox=near.values["Prox"],
             base=base,
             way=self._odometry.way - way,
             turn=self._odometry.heading - heading,

@@ -42,6 +42,8 @@ _AHEAD = 4  # of DirL: a flame at the robot's side is seen by one sensor only
 _CONFIRM = 3
 _SATURATED = 12  # ProxL
 _REST = 75.0  # mm from there (some 125 from the sensor) into the turbine's reach
+_CLOSER = 25.0  # mm nearer after each blow without effect: beside a lamp the light says too little
+_OBSTACLE = 10  # Prox
 _GONE = 5  # ticks of darkness
 _HALF = 0.5  # of the brightness at the last blow: what is left of it then is another light
 _PATIENCE = 200  # ticks in which what was no fire is not looked at again
@@ -68,14 +70,25 @@ class Fire:
         self._blowing = False
         self._blown_at = 0.0
         self._driven: float | None = None
+        self._rest = _REST
+        self._blocked = False
 
     def step(
-        self, light: Sequence[int], *, aim: int, near: int, base: float, way: float, turn: float, move: str
+        self,
+        light: Sequence[int],
+        *,
+        aim: int,
+        near: int,
+        prox: int,
+        base: float,
+        way: float,
+        turn: float,
+        move: str,
     ) -> bool:
         """Whether there is a fire at this tick.
 
-        ``light``: the eight readings; ``aim`` and ``near``: DirL and ProxL by E4.1 and E4.2 on them; ``base``:
-        P(Base = true); ``way`` (mm) and ``turn`` (radians) since the last tick; ``move``: the Move since then.
+        ``light``: the eight readings; ``aim`` and ``near``: DirL and ProxL by E4.1 and E4.2 on them; ``prox``: Prox;
+        ``base``: P(Base = true); ``way`` (mm) and ``turn`` (radians) since the last tick; ``move``: the Move since then.
         """
         self.events.clear()
         brightness = [max(0, _DARK - min(value, LIGHT_MAX)) for value in light[:6]]
@@ -85,7 +98,7 @@ class Fire:
         if not self.burning:
             self._look(max(brightness), aim, base)
             return self.burning
-        self._approach(near, way)
+        self._approach(near, prox, way)
         self._blow(total, move)
         dark = max(brightness) < _DARK - 400 or (self._blows > 0 and total < _HALF * self._blown_at)
         self._gone = self._gone + 1 if dark else 0
@@ -101,8 +114,8 @@ class Fire:
 
     @property
     def arrived(self) -> bool:
-        """Whether the robot has come up to the flame."""
-        return self.burning and self._driven is not None and self._driven >= _REST
+        """Whether the robot has come up to the flame, or to what stands before it."""
+        return self.burning and (self._blocked or (self._driven is not None and self._driven >= self._rest))
 
     def _look(self, brightest: int, aim: int, base: float) -> None:
         flickers = self.flicker >= _FLICKER and self.explained >= _EXPLAINED
@@ -112,10 +125,11 @@ class Fire:
         if self._seen >= _CONFIRM:
             self.burning = True
             self._gone = self._blows = 0
-            self._driven = None
+            self._driven, self._rest = None, _REST
             self.events.append("fire")
 
-    def _approach(self, near: int, way: float) -> None:
+    def _approach(self, near: int, prox: int, way: float) -> None:
+        self._blocked = prox >= _OBSTACLE and near >= _SATURATED - 3
         if near >= _SATURATED:
             self._driven = (self._driven or 0.0) + abs(way)
         elif near < _SATURATED - 3:
@@ -123,9 +137,10 @@ class Fire:
 
     def _blow(self, total: float, move: str) -> None:
         if move == "blow":
-            self._blows += not self._blowing
             if not self._blowing:
+                self._blows += 1
                 self._blown_at = total
+                self._rest += _CLOSER
         self._blowing = move == "blow"
 
     def _end(self, why: str, ignore: int = 0) -> None:
