@@ -91,7 +91,7 @@ def proximity() -> dict[str, Cells]:
     """
     sensors = Sensors(np.exp(GAIN_SPREAD * np.array(_QUANTILES)), np.zeros(8))
     degrees = np.arange(-180.0, 180.0)
-    near = np.array([sensors.proximity(_seen(_wall(21, bearing)), _HERE) for bearing in degrees])
+    near = np.array([_reflected(sensors, _wall(21, bearing)) for bearing in degrees])
     peaks = degrees[near.argmax(0)]
     return {
         name: {
@@ -147,7 +147,7 @@ def _proximity(
     sensors: Sensors, peaks: NDArray[np.float64], make: Callable[[float, float], Shape], distance: float, off: float
 ) -> float:
     values = [
-        sensors.proximity(_seen(make(distance, peaks[sensor] + side * off)), _HERE)[sensor]
+        _reflected(sensors, make(distance, peaks[sensor] + side * off))[sensor]
         for sensor in range(8)
         for side in (-1, 1)
     ]
@@ -161,8 +161,13 @@ def _light(distance: float, off: float) -> float:
             x, y = _place(_BODY + distance, math.degrees(pointing) + side * off)
             lamp = replace(_LAMP, x=x, y=y)
             sensors = Sensors(np.ones(8), np.zeros(8))
-            values.append(sensors.light(_seen(), _HERE, [(lamp, lamp.intensity)])[sensor])
+            values.append(sensors.light(_seen(), _HERE, [(lamp, [lamp.intensity] * 8)])[sensor])
     return float(np.mean(values))
+
+
+def _reflected(sensors: Sensors, shape: Shape) -> NDArray[np.float64]:
+    seen = sensors.proximity(_seen(shape), _HERE)
+    return np.full(8, _BACKGROUND) if seen is None else seen
 
 
 def _seen(*shapes: Shape) -> Scene:

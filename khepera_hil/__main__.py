@@ -13,12 +13,21 @@ from collections.abc import Sequence
 
 from khepera_hil.errors import KheperaHilError
 
-__all__ = ["main"]
+__all__ = ["main", "outcome"]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The console script; returns the exit code (0, or the error's own, see ``errors``)."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    code = outcome(sys.argv[1:] if arguments is None else arguments)
+    if any(thread.name.startswith("follower of") for thread in threading.enumerate()):
+        # A sink hangs, and said so; what it holds would keep the interpreter from ending.
+        os._exit(code)
+    return code
+
+
+def outcome(arguments: Sequence[str]) -> int:
+    """Do what the words say; the exit code. What went wrong is one sentence on standard error."""
+    words = list(arguments)
     try:
         code = _main(words)
     except KheperaHilError as error:
@@ -34,9 +43,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"khepera-hil: {error}; is there room, and can standard output be written?", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         code = 1
-    if any(thread.name.startswith("follower of") for thread in threading.enumerate()):
-        # A sink hangs, and said so; what it holds would keep the interpreter from ending.
-        os._exit(code)
     return code
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from khepera_hil.errors import RecordingError
+from khepera_hil.faults import Fault
 from khepera_hil.world import World
 
 __all__ = ["Diary"]
@@ -26,8 +27,9 @@ class Diary:
     """Keeps the log of ``world`` in the file ``path``, behind what is there already; ``about`` is the start's.
 
     A line has ``t`` (s since power-up), ``pose`` (x m, y m, theta rad, the true ones), and where there are any
-    ``requests`` (the lines that the robot took up, ``more`` if not all are told) and ``moved`` (movable things
-    whose pose changed, by name). A full disk ends the log, not the robot: ``complain`` is told once.
+    ``requests`` (the lines that the robot took up, ``more`` if not all are told), ``moved`` (movable things whose
+    pose changed, by name) and ``faults`` (what was done to the line: when, bytes to whom, which kind, to what). A
+    full disk ends the log, not the robot: ``complain`` is told once.
 
     Raises RecordingError when the file cannot be opened.
     """
@@ -42,6 +44,7 @@ class Diary:
             raise RecordingError(f"the log {path} cannot be written: {error.strerror}") from None
         self._broken = False
         self._requests: list[str] = []
+        self._faults: list[tuple[float, str, str, str]] = []
         self._more = 0
         self._next = 0.0
         self._poses: dict[str, tuple[float, float, float]] = {}
@@ -60,6 +63,10 @@ class Diary:
         else:
             self._more += 1
 
+    def fault(self, fault: Fault) -> None:
+        """Something was done to the line."""
+        self._faults.append((round(fault.at, 3), fault.way, fault.kind, fault.what))
+
     def watch(self, now: float) -> None:
         """Write a line if it is time for one and there is something to tell."""
         if now >= self._next:
@@ -77,12 +84,14 @@ class Diary:
     def _line(self, now: float) -> None:
         poses = self._world.poses()
         moved = {name: pose for name, pose in poses.items() if _differ(pose, self._poses.get(name))}
-        if not moved and not self._requests:
+        if not moved and not self._requests and not self._faults:
             return
         self._poses = poses
         line: dict[str, Any] = {"t": round(now, 3), "pose": _rounded(poses["robot"])}
         if self._requests:
             line["requests"] = self._requests
+        if self._faults:
+            line["faults"], self._faults = self._faults, []
         if self._more:
             line["more"] = self._more
         if others := {name: _rounded(pose) for name, pose in moved.items() if name != "robot"}:

@@ -116,6 +116,14 @@ class Emulator:
         if now == self._now:
             return
         self._now = now
+        if self._waiting or self._to_robot.pending or self._next_alarm() <= now:
+            self._happen(now)
+        self.world.advance(now)
+        if self._to_host.pending:
+            self._fifo.put(self._to_host.certain(now, before=self._reset_at), self.host_baud)
+
+    def _happen(self, now: float) -> None:
+        """What is asked, and what the robot does by itself, until ``now``."""
         while True:
             answer = self._next_answer()
             alarm = self._next_alarm()
@@ -123,7 +131,7 @@ class Emulator:
             if self._hear(min(first, now)):
                 continue  # with one line more, which may be due before all others
             if first > now:
-                break
+                return
             self.world.advance(first)
             if first == self._reset_at:
                 self._restart(first)
@@ -133,9 +141,6 @@ class Emulator:
                 self._rom.act(first)
             else:
                 self._answer(self._waiting.popleft()[1], first)
-        self.world.advance(now)
-        for moment, byte in self._to_host.certain(now, before=self._reset_at):
-            self._fifo.put(moment, byte, self.host_baud)
 
     def transmitted(self, now: float) -> bytes:
         """Take out what has come to the host's driver by ``now``."""
@@ -146,10 +151,7 @@ class Emulator:
     def talking(self) -> bool:
         """Whether anything is under way that came from the host or goes to it."""
         return bool(
-            self._waiting
-            or self._to_robot.next_arrival() is not None
-            or self._to_host.next_arrival() is not None
-            or self._fifo.next_show() is not None
+            self._waiting or self._to_robot.pending or self._to_host.pending or self._fifo.next_show() is not None
         )
 
     def next_event(self) -> float | None:
@@ -157,23 +159,25 @@ class Emulator:
 
         It may be too early, never too late: who waits for bytes sleeps until then and asks again.
         """
-        moments = [
-            self._next_answer() if self._waiting else None,
-            self._to_robot.next_arrival(_LINE_ENDS),
-            self._to_host.next_arrival(),
+        first = min(self._next_answer(), self._reset_at)
+        for moment in (
+            self._to_robot.next_arrival(_LINE_ENDS) if self._to_robot.pending else None,
+            self._to_host.next_arrival() if self._to_host.pending else None,
             self._fifo.next_show(),
-            self._reset_at if self._reset_at < math.inf else None,
-        ]
-        return min((moment for moment in moments if moment is not None), default=None)
+        ):
+            if moment is not None and moment < first:
+                first = moment
+        return first if first < math.inf else None
 
     def _hear(self, until: float) -> bool:
         """Take in the bytes that arrive until a moment, up to the first line's end: whether there were any."""
         heard = self._to_robot.arrived(until, _LINE_ENDS)
-        for moment, byte in heard:
-            for line in self._lines.feed(bytes((byte,))):
-                if line and len(self._waiting) < _WAITING_REQUESTS:
-                    self._waiting.append((moment, line))
-        return bool(heard)
+        if not heard:
+            return False
+        for line in self._lines.feed(bytes([byte for _, byte in heard])):
+            if line and len(self._waiting) < _WAITING_REQUESTS:
+                self._waiting.append((heard[-1][0], line))  # it ended with the last of them
+        return True
 
     def _next_answer(self) -> float:
         return max(self._waiting[0][0], self._to_host.free) if self._waiting else math.inf

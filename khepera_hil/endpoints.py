@@ -12,9 +12,10 @@ import os
 import socket
 import struct
 import termios
+import time
 import tty
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Protocol
 
@@ -30,6 +31,9 @@ REFUSAL = b"khepera-hil: the robot has a client already, and takes one at a time
 _AT_ONCE = 4096  # bytes taken from a client in one go
 _REFUSED = 8  # refused clients that may still be reading their line
 _SILENT = (10, 5, 3)  # s until a silent client is asked for a sign of life, between such questions, and how many
+
+_TIOCGEXCL = 0x80045440
+_LOCK_LOOKED_AT = 1.0  # s, since it takes some milliseconds
 
 _TCGETS2 = 0x802C542A  # Linux: a rate as a number, also one that has no name
 
@@ -61,36 +65,76 @@ class Endpoint(Protocol):
     def said_all(self) -> None:
         """The robot has nothing more to say: who only waited for that may be let go."""
 
+    def unplug(self) -> None:
+        """Be gone, for the client too, as an adapter that was pulled out. Does nothing where it is gone already."""
+
+    def plug_in(self) -> None:
+        """Be there again, under the same name. Raises PortError where somebody has taken it."""
+
 
 class _PseudoTerminal:
-    rate_by_default: int
-
-    def __init__(self, link: Path, master: int, slave: int) -> None:
+    def __init__(self, link: Path, baud: int) -> None:
         self.name = str(link)
-        self.device = os.ttyname(slave)
-        self._master, self._slave = master, slave
+        self._link, self._baud = link, baud
+        self._open = ExitStack()
+        self._master: int | None = None
+        self._look_again = 0.0
+        self.plug_in()
 
     @property
     def rate(self) -> int | None:
+        if self._master is None:
+            return None
         answer = fcntl.ioctl(self._slave, _TCGETS2, bytes(44))
         speed: int = struct.unpack("36xII", answer)[1]
         return speed or None  # 0: it hung up
 
     def readable(self, *, client: bool) -> list[int]:
-        return [self._master] if client else []
+        return [self._master] if client and self._master is not None else []
 
     def read(self, ready: Collection[int]) -> bytes:
-        return os.read(self._master, _AT_ONCE) if self._master in ready else b""
+        return os.read(self._master, _AT_ONCE) if self._master is not None and self._master in ready else b""
 
     def send(self, data: bytes) -> None:
-        while data:
+        while data and self._master is not None:
             try:
                 data = data[os.write(self._master, data) :]
             except BlockingIOError:
                 return
 
     def said_all(self) -> None:
-        """Who opens a terminal, and when, is not seen from here."""
+        """Who opens a terminal, and when, is not seen from here; but who locked it may be gone with the lock left.
+
+        A client may ask that nobody else opens the terminal (Java's jSerialComm does). On a real port this ends
+        with its last user; here we hold it open.
+        """
+        if self._master is None or not _flag(self._slave, _TIOCGEXCL):
+            return
+        if time.monotonic() >= self._look_again:
+            self._look_again = time.monotonic() + _LOCK_LOOKED_AT
+            if not _held_by_others(self.device, self._slave):
+                fcntl.ioctl(self._slave, termios.TIOCNXCL)
+
+    def unplug(self) -> None:
+        self._master = None
+        self._open.close()
+
+    def plug_in(self) -> None:
+        with ExitStack() as opening:
+            master, self._slave = os.openpty()
+            opening.callback(os.close, master)
+            # Our end of the slave stays open, so that nothing is lost and no end is seen between two clients.
+            opening.callback(os.close, self._slave)
+            tty.setraw(self._slave)
+            attributes = termios.tcgetattr(self._slave)
+            attributes[4] = attributes[5] = getattr(termios, f"B{self._baud}")
+            attributes[2] |= termios.CSTOPB
+            termios.tcsetattr(self._slave, termios.TCSANOW, attributes)
+            os.set_blocking(master, False)
+            self.device = os.ttyname(self._slave)
+            opening.enter_context(_linked(self._link, self.device))
+            self._open = opening.pop_all()
+        self._master = master
 
 
 @contextmanager
@@ -100,20 +144,11 @@ def pseudo_terminal(link: Path, baud: int) -> Iterator[Endpoint]:
     Raw and without echo from the first byte, at ``baud`` until a client sets another rate: the settings stay while
     clients come and go, as a real port's do. Raises PortError when the link cannot be made.
     """
-    master, slave = os.openpty()
+    terminal = _PseudoTerminal(link, baud)
     try:
-        # Our end of the slave stays open, so that nothing is lost and no end is seen between two clients.
-        tty.setraw(slave)
-        attributes = termios.tcgetattr(slave)
-        attributes[4] = attributes[5] = getattr(termios, f"B{baud}")
-        attributes[2] |= termios.CSTOPB
-        termios.tcsetattr(slave, termios.TCSANOW, attributes)
-        os.set_blocking(master, False)
-        with _linked(link, os.ttyname(slave)):
-            yield _PseudoTerminal(link, master, slave)
+        yield terminal
     finally:
-        os.close(master)
-        os.close(slave)
+        terminal.unplug()
 
 
 @contextmanager
@@ -135,12 +170,28 @@ def _linked(link: Path, device: str) -> Iterator[None]:
             link.unlink()
 
 
+def _flag(descriptor: int, question: int) -> bool:
+    (answer,) = struct.unpack("i", fcntl.ioctl(descriptor, question, bytes(4)))
+    return bool(answer)
+
+
+def _held_by_others(device: str, ours: int) -> bool:
+    """Whether anybody whose descriptors we may see has ``device`` open, but for our own descriptor."""
+    mine = Path(f"/proc/{os.getpid()}/fd/{ours}")
+    for descriptor in Path("/proc").glob("[0-9]*/fd/*"):
+        with contextlib.suppress(OSError):  # closed since, or not ours to look at
+            if descriptor != mine and os.readlink(descriptor) == device:
+                return True
+    return False
+
+
 class _TcpPort:
     rate = None
 
     def __init__(self, listener: socket.socket) -> None:
-        self._listener = listener
-        host, port = listener.getsockname()[:2]
+        self._listener: socket.socket | None = listener
+        self._address, self._family = listener.getsockname(), listener.family
+        host, port = self._address[:2]
         self.device = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
         self.name = f"socket://{self.device}"
         self._client: socket.socket | None = None
@@ -148,7 +199,9 @@ class _TcpPort:
         self._refused: list[socket.socket] = []
 
     def readable(self, *, client: bool) -> list[int]:
-        open_ = [self._listener, *self._refused]
+        open_ = [*self._refused]
+        if self._listener is not None:
+            open_.append(self._listener)
         if client and self._client is not None and not self._ended:
             open_.append(self._client)
         return [one.fileno() for one in open_]
@@ -170,8 +223,8 @@ class _TcpPort:
             self._refused.remove(refused)
             refused.close()
         # Last, so that a client who came when the one before had gone finds the place free.
-        if self._listener.fileno() in ready:
-            self._accept()
+        if self._listener is not None and self._listener.fileno() in ready:
+            self._accept(self._listener)
         return data
 
     def send(self, data: bytes) -> None:
@@ -188,14 +241,24 @@ class _TcpPort:
         if self._ended:
             self._drop()
 
-    def close(self) -> None:
+    def unplug(self) -> None:
         self._drop()
-        for one in (*self._refused, self._listener):
-            one.close()
+        while self._refused:
+            self._refused.pop().close()
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
 
-    def _accept(self) -> None:
+    def plug_in(self) -> None:
         try:
-            client, _ = self._listener.accept()
+            self._listener = socket.create_server(self._address[:2], family=self._family)
+        except OSError as error:
+            raise PortError(_why_not(self._address[0], self._address[1], error)) from None
+        self._listener.setblocking(False)
+
+    def _accept(self, listener: socket.socket) -> None:
+        try:
+            client, _ = listener.accept()
         except OSError:
             return  # it has thought better of it
         client.setblocking(False)
@@ -251,7 +314,7 @@ def tcp_port(host: str, port: int) -> Iterator[Endpoint]:
     try:
         yield served
     finally:
-        served.close()
+        served.unplug()
 
 
 def _why_not(host: str, port: int, error: Exception) -> str:

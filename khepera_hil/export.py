@@ -28,10 +28,10 @@ BATCH = 10_000
 
 @dataclass(frozen=True)
 class Column:
-    """A column: ``kind`` is ``int``, ``float`` or ``str``; ``unit`` is for people."""
+    """A column: ``kind`` is ``bool``, ``int``, ``float`` or ``str``; ``unit`` is for people."""
 
     name: str
-    kind: type[int] | type[float] | type[str]
+    kind: type
     unit: str
     get: Callable[[Tick], Value | None]
 
@@ -85,7 +85,7 @@ def to_parquet(run: Run, path: Path) -> int:
     import pyarrow.parquet as pq  # type: ignore[import-untyped]
 
     chosen = columns(run)
-    kinds = {int: pa.int64(), float: pa.float64(), str: pa.string()}
+    kinds = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
     schema = pa.schema(
         [pa.field(column.name, kinds[column.kind], metadata={"unit": column.unit}) for column in chosen],
         metadata={"run": run.name, "program": run.program, "seed": str(run.manifest.get("seed"))},
@@ -158,11 +158,10 @@ def _drawn(name: str) -> Callable[[Tick], Value | None]:
 
 
 def _widen(kinds: dict[str, type], name: str, value: Value) -> None:
-    """The narrowest kind that holds all values of a column: whole numbers, numbers, text."""
-    order: tuple[type, ...] = (int, float, str)
+    """The narrowest kind that holds all values of a column: truths, whole numbers, numbers, text."""
+    order: tuple[type, ...] = (bool, int, float, str)
     kind: type = next(k for k in order if isinstance(value, k))
-    before = kinds.get(name, int)
-    kinds[name] = max(before, kind, key=order.index)
+    kinds[name] = max(kinds.get(name, kind), kind, key=order.index)
 
 
 def _domain(run: Run, name: str) -> str:

@@ -7,17 +7,19 @@ the line), here and nowhere later.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import json
-import math
 import os
+import stat
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from khepera_hil.errors import RecordingError
-from khepera_hil.recording import FORMAT, LOG, MANIFEST, Pose, Tick, Value, log_file
+from khepera_hil.kinds import FAR, WRONG, as_number, as_pose, as_uniform, as_value, check_manifest
+from khepera_hil.recording import FORMAT, LOG, MANIFEST, Tick, log_file
 
 __all__ = ["Run", "find", "read_manifest", "read_ticks", "recorded", "tick_of"]
 
@@ -26,9 +28,6 @@ LONGEST = 1 << 20
 
 LARGEST = 64 << 20
 """Bytes that a manifest may have."""
-
-FAR = 1e9
-"""No time (s), delay (ms) or place (m) of a run is beyond this; the viewer's nanoseconds would overflow."""
 
 LAST = "last"
 
@@ -67,7 +66,7 @@ class Run:
     def going_on(self) -> bool:
         """Whether somebody is writing it at this moment."""
         try:
-            with (self.folder / LOG).open("rb") as log:
+            with _opened(self.folder / LOG) as log:
                 fcntl.flock(log, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
             return True
@@ -81,7 +80,7 @@ class Run:
         for name in reversed(names):
             path = self.folder / name
             try:
-                with path.open("rb") as log:
+                with _opened(path) as log:
                     size = log.seek(0, os.SEEK_END)
                     log.seek(max(0, size - 2 * LONGEST))
                     lines = log.read().split(b"\n")[:-1]  # what follows the last newline was never acknowledged
@@ -138,7 +137,7 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
     """The manifest of a run's folder. Raises RecordingError when there is none, or it is not one of ours."""
     path = Path(folder) / MANIFEST
     try:
-        with path.open("rb") as file:
+        with _opened(path) as file:
             text = file.read(LARGEST + 1)
         if len(text) > LARGEST:
             raise RecordingError(f"{path} is not the manifest of a run: it is larger than {LARGEST >> 20} MB")
@@ -156,8 +155,8 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
             f"{path} has format {manifest['format']}, newer than {FORMAT}: use a newer khepera-hil"
         )
     try:
-        _check(manifest)
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
+        check_manifest(manifest)
+    except WRONG as error:
         raise RecordingError(f"{path} is damaged: {_said(error)}") from None
     return manifest
 
@@ -172,7 +171,7 @@ def read_ticks(folder: Path | str) -> Iterator[dict[str, Any]]:
         number += 1
         following = Path(folder) / log_file(number)
         try:
-            with path.open("rb") as log:
+            with _opened(path) as log:
                 for at, line in enumerate(iter(lambda: log.readline(LONGEST), b""), 1):
                     where = f"{path}, line {at}"
                     if not line.endswith(b"\n"):
@@ -200,24 +199,24 @@ def tick_of(row: Mapping[str, Any]) -> Tick:
     try:
         return Tick(
             tick=int(row["tick"]),
-            t=_number(row["t"]),
+            t=as_number(row["t"]),
             missed=int(row["missed"]),
             state=str(row.get("state", "")),  # logs of before have none
             raw={str(k): str(v) for k, v in row["raw"].items()},
             orders=[str(order) for order in row["orders"]],
-            evidence={str(k): _value(v) for k, v in row["evidence"].items()},
+            evidence={str(k): as_value(v) for k, v in row["evidence"].items()},
             clipped={str(k): int(v) for k, v in row["clipped"].items()},
-            u={str(k): _uniform(v) for k, v in row["u"].items()},
-            draws={str(k): _value(v) for k, v in row["draws"].items()},
+            u={str(k): as_uniform(v) for k, v in row["u"].items()},
+            draws={str(k): as_value(v) for k, v in row["draws"].items()},
             command=None if row["command"] is None else (int(row["command"][0]), int(row["command"][1])),
             events=[(str(level), str(text)) for level, text in row["events"]],
-            late_ms=_number(row["late_ms"]),
-            work_ms=_number(row["work_ms"]),
-            wall=_number(row["wall"], 10 * FAR),
-            pose=None if row["pose"] is None else _pose(row["pose"]),
-            moved={str(k): _pose(v) for k, v in row["moved"].items()},
+            late_ms=as_number(row["late_ms"]),
+            work_ms=as_number(row["work_ms"]),
+            wall=as_number(row["wall"], 10 * FAR),
+            pose=None if row["pose"] is None else as_pose(row["pose"]),
+            moved={str(k): as_pose(v) for k, v in row["moved"].items()},
         )
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
+    except WRONG as error:
         raise RecordingError(f"tick {row.get('tick')!r} of the log is damaged: {_said(error)}") from None
 
 
@@ -225,6 +224,15 @@ def _log_files(folder: Path) -> list[str]:
     """The log's files that are there, in order."""
     first = [LOG] if (folder / LOG).exists() else []
     return first + sorted(path.name for path in folder.glob("ticks-[0-9][0-9][0-9][0-9].jsonl"))
+
+
+def _opened(path: Path) -> BinaryIO:
+    """The file, opened without waiting for it: a pipe in its place would never have an end."""
+    file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK | os.O_CLOEXEC))
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise OSError(errno.EINVAL, "it is not a plain file")
+    return file
 
 
 def _row(line: bytes, where: str) -> dict[str, Any]:
@@ -237,77 +245,11 @@ def _row(line: bytes, where: str) -> dict[str, Any]:
     return row
 
 
-def _check(manifest: Mapping[str, Any]) -> None:
-    """Refuse by any of the errors that wrong kinds raise what the readers of a manifest rely on."""
-    keys = set()
-    for question in manifest.get("questions") or []:
-        key, variables, values = question["key"], question["variables"], question["values"]
-        keys.add(key)
-        _need(isinstance(key, str) and isinstance(question["name"], str), "a question has no name")
-        _need(bool(variables) and len(variables) == len(values), f"question {key!r} has no variables or no values")
-        for variable, domain in zip(variables, values, strict=True):
-            _need(isinstance(variable, str), f"a variable of question {key!r} has no name")
-            _need(bool(domain) and len(set(map(_value, domain))) == len(domain), f"{variable} has no values")
-    _need(len(keys) == len(manifest.get("questions") or []), "two questions have one key")
-    for name, domain in (manifest.get("evidence") or {}).items():
-        _need(all(_value(value) is not None for value in domain), f"{name} has no values")
-    for name in ("ending", "versions", "robot"):
-        _need(isinstance(manifest.get(name) or {}, dict), f"{name} is no object")
-    ending = manifest.get("ending") or {}
-    _need(isinstance(ending.get("score") or {}, dict), "the score is no object")
-    _need(_number(manifest.get("period_s", 0.1)) > 0, "the period is none")
-    _need(isinstance(manifest.get("program", "?"), str), "the program has no name")
-    world = manifest.get("world")
-    if world is not None:
-        width, depth = world["size"]
-        _need(_number(width) > 0 and _number(depth) > 0, "the arena has no size")
-        for shape in world["shapes"]:
-            _pose(shape["pose"])
-            _need(isinstance(shape["name"], str) and isinstance(shape["kind"], str), "a shape has no name")
-            _number(shape.get("height", 0.0))
-            if "radius" in shape:
-                _need(_number(shape["radius"]) > 0, "a shape has no size")
-            else:
-                _need(len([(_number(x), _number(y)) for x, y in shape["polygon"]]) > 2, "a polygon has no corners")
-
-
-def _need(good: bool, otherwise: str) -> None:
-    if not good:
-        raise ValueError(otherwise)
-
-
 def _load(text: bytes) -> Any:
     def refuse(constant: str) -> None:
         raise ValueError(f"{constant} is not a number")
 
     return json.loads(text.decode("utf-8"), parse_constant=refuse)
-
-
-def _number(value: Any, beyond: float = FAR) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise TypeError(f"{value!r} is not a number")
-    if not (math.isfinite(value) and abs(value) <= beyond):
-        raise ValueError(f"{value!r} is out of range")
-    return float(value)
-
-
-def _uniform(value: Any) -> float:
-    number = _number(value)
-    if not 0 <= number < 1:
-        raise ValueError(f"the uniform number {value!r} is not in [0, 1)")
-    return number
-
-
-def _pose(value: Any) -> Pose:
-    x, y, theta = value
-    return _number(x), _number(y), _number(theta)
-
-
-def _value(value: Any) -> Value:
-    if isinstance(value, (str, bool)):
-        return value
-    number = _number(value)
-    return value if isinstance(value, int) else number
 
 
 def _said(error: Exception) -> str:

@@ -109,7 +109,8 @@ class Answer:
 
 @lru_cache(maxsize=64)
 def _weights(size: int) -> NDArray[np.float64]:
-    weights: NDArray[np.float64] = 2 * (np.arange(1, size + 1) * 0.6180339887498949 % 1) - 1
+    places = np.arange(1, size + 1, dtype=np.float64)
+    weights: NDArray[np.float64] = 2.0 * np.fmod(places * 0.6180339887498949, 1.0) - 1.0
     return weights
 
 

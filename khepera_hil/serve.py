@@ -9,6 +9,7 @@ import select
 from collections.abc import Callable
 
 from khepera_hil.clock import Clock, WallClock
+from khepera_hil.disturbed import Disturbed
 from khepera_hil.emulator import Emulator
 from khepera_hil.endpoints import Endpoint
 
@@ -36,11 +37,15 @@ def serve(
 
     ``stop`` is a file descriptor: make it a pipe's end that a signal handler writes to. ``watch`` is told the
     robot's time, at least every 0.1 s. ``clock`` is the wall's. A client on a terminal that sets another rate than
-    the robot's reads and writes garbage.
+    the robot's reads and writes garbage. Where faults unplug the line, the endpoint is gone meanwhile.
     """
     time = _Unstopped(clock or WallClock())
     while True:
         now = time.now()
+        if isinstance(emulator, Disturbed) and emulator.unplugged(now):
+            endpoint.unplug()
+            if emulator.plug_in(now):
+                endpoint.plug_in()
         _to_client(endpoint, emulator, now)
         watch(now)
         due = emulator.next_event()

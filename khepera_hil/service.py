@@ -19,7 +19,7 @@ from khepera_hil.khepera import Khepera
 from khepera_hil.lifecycle import Health, Lifecycle
 from khepera_hil.orders import Order, Orders
 from khepera_hil.quantiles import Quantiles
-from khepera_hil.reader import Reader
+from khepera_hil.reader import Checks, Reader
 from khepera_hil.reconnection import Reconnection
 from khepera_hil.recording import Recording, Tick
 from khepera_hil.scheduler import Beat, beats
@@ -106,6 +106,11 @@ class Service:
     def rested(self) -> bool:
         """Whether the robot acknowledged the last order to stand still."""
         return self.health.rested
+
+    @property
+    def checks(self) -> Checks:
+        """What came of not taking readings on trust."""
+        return self._conduct.reader.checks
 
     def connect(self) -> tuple[str, str]:
         """Shake hands, and command the wheels to stand still; the robot's versions (manual's B)."""

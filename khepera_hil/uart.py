@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterable
 
 from khepera_hil.protocol import BITS_PER_CHARACTER
 
@@ -21,6 +22,9 @@ _QUIET_CHARACTERS = 4
 _SAMPLE = 9 / 16
 """Where in a bit it is read: on the tick after its middle, of the sixteen that a UART cuts a bit into. It never
 falls on an edge of a sender at another of the usual rates."""
+
+_ROUNDING = 1e-9
+"""Seconds by which moments that were reckoned in two ways may differ."""
 
 _STOP = 9
 """Bits before the stop bits: 1 start, 8 data."""
@@ -44,6 +48,11 @@ class Line:
         self._frames: deque[tuple[float, int, float]] = deque()
         self._deaf_until = 0.0
 
+    @property
+    def pending(self) -> bool:
+        """Whether anything is on the line, or has arrived and was not taken out."""
+        return bool(self._ready or self._frames)
+
     def send(self, data: bytes, now: float) -> None:
         """Put ``data`` on the line behind what is already there."""
         start = max(now, self.free)
@@ -64,13 +73,14 @@ class Line:
         if self._frames:
             self._sample(moment)
         bit = 1 / self.receiver  # the sender's too, of what was to arrive without sampling
-        late = [(arrival, byte) for arrival, byte in self._ready if arrival > moment]
+        edge = moment + _ROUNDING
+        late = [(arrival, byte) for arrival, byte in self._ready if arrival > edge]
         if late:
-            self._ready = deque(entry for entry in self._ready if entry[0] <= moment)
+            self._ready = deque(entry for entry in self._ready if entry[0] <= edge)
             self._frames.extendleft(
                 (arrival - BITS_PER_CHARACTER * bit, byte, bit) for arrival, byte in reversed(late)
             )
-            self._deaf_until = max(self._deaf_until, moment)
+            self._deaf_until = max(self._deaf_until, moment - _ROUNDING)
         self.receiver = receiver
 
     def arrived(self, now: float, until: bytes = b"") -> list[tuple[float, int]]:
@@ -102,7 +112,7 @@ class Line:
         self._frames = deque(
             (start, byte, bit)
             for start, byte, bit in self._frames
-            if start + BITS_PER_CHARACTER * bit <= now + 1e-9
+            if start + BITS_PER_CHARACTER * bit <= now + _ROUNDING
         )
         self.free = min(self.free, now)
 
@@ -176,15 +186,17 @@ class Fifo:
         self._held = bytearray()
         self._due = 0.0
 
-    def put(self, moment: float, byte: int, baud: int) -> None:
-        """A byte that arrived, or certainly will, at ``moment``; bytes come in their order."""
-        if self._held and moment >= self._due:
-            self._hand_over(self._due)
-        self._held.append(byte)
-        if len(self._held) >= self.size:
-            self._hand_over(moment)
-        else:
-            self._due = moment + _QUIET_CHARACTERS * BITS_PER_CHARACTER / baud
+    def put(self, entries: Iterable[tuple[float, int]], baud: int) -> None:
+        """Bytes with the moments at which they arrived, or certainly will; they come in their order."""
+        held, size, rest = self._held, self.size, _QUIET_CHARACTERS * BITS_PER_CHARACTER / baud
+        for moment, byte in entries:
+            if held and moment >= self._due:
+                self._hand_over(self._due)
+            held.append(byte)
+            if len(held) >= size:
+                self._hand_over(moment)
+            else:
+                self._due = moment + rest
 
     def shown(self, now: float) -> bytes:
         """Take out what the driver has been handed by ``now``."""

@@ -168,12 +168,18 @@ TABLE: dict[str, set[str]] = {
         "serial",
     },
     "khepera_hil.endpoints": {"khepera_hil.errors"},
-    "khepera_hil.serve": {"khepera_hil.clock", "khepera_hil.emulator", "khepera_hil.endpoints"},
-    "khepera_hil.diary": {"khepera_hil.errors", "khepera_hil.world"},
+    "khepera_hil.serve": {
+        "khepera_hil.clock",
+        "khepera_hil.disturbed",
+        "khepera_hil.emulator",
+        "khepera_hil.endpoints",
+    },
+    "khepera_hil.diary": {"khepera_hil.errors", "khepera_hil.faults", "khepera_hil.world"},
     "khepera_hil.onlooker": {"khepera_hil.recording", "khepera_hil.world"},
     # the rim
     "khepera_hil.recording": {"khepera_hil.errors", "numpy"},
-    "khepera_hil.reading": {"khepera_hil.recording", "khepera_hil.errors"},
+    "khepera_hil.kinds": {"khepera_hil.recording"},
+    "khepera_hil.reading": {"khepera_hil.kinds", "khepera_hil.recording", "khepera_hil.errors"},
     "khepera_hil.replay": {
         "brp",
         "numpy",

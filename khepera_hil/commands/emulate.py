@@ -14,11 +14,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from khepera_hil import chance
 from khepera_hil.commands.parser import Parser, baud, seed
+from khepera_hil.commands.scored import scored
 from khepera_hil.diary import Diary
+from khepera_hil.disturbed import Disturbed
 from khepera_hil.emulator import Emulator
 from khepera_hil.endpoints import LOOPBACK, pseudo_terminal, tcp_port
 from khepera_hil.errors import RecordingError, UsageError
+from khepera_hil.faults import GROUPS, KINDS, Faults, Specification
 from khepera_hil.follower import Follower
 from khepera_hil.onlooker import Onlooker, shown
 from khepera_hil.rom import DEFAULT_FITTINGS, FITTINGS, MODELS, model_for, turrets
@@ -49,6 +53,7 @@ def main(arguments: Sequence[str]) -> int:
     """Serve an emulated robot until Ctrl-C or SIGTERM, then say what its world saw."""
     asked = _parser().parse_args(arguments)
     model = model_for(asked.robot, asked.baud)
+    specification = None if asked.faults is None else Specification.parse(asked.faults)
     if asked.view and not has_screen():
         raise UsageError(
             "there is no screen here to open the viewer on; leave --view out (--log tells the truth too)"
@@ -69,18 +74,25 @@ def main(arguments: Sequence[str]) -> int:
             "arena": arena,
             "scenario": asked.scenario,
             "seed": chosen,
+            "faults": asked.faults,
             "started": datetime.now().isoformat(timespec="seconds"),
         }
         diary = None if asked.log is None else Diary(asked.log, world, about, complain=_complain)
-        emulator = Emulator(
-            world,
-            asked.baud,
-            host_follows=asked.tcp is not None,
-            fifo=FIFO_16550,
-            robot=model.name,
-            turrets=asked.turrets,
-            on_request=None if diary is None else diary.request,
-        )
+        settings: dict[str, Any] = {
+            "host_follows": asked.tcp is not None,
+            "fifo": FIFO_16550,
+            "robot": model.name,
+            "turrets": asked.turrets,
+            "on_request": None if diary is None else diary.request,
+        }
+        faults = None
+        if specification is None:
+            emulator = Emulator(world, asked.baud, **settings)
+        else:
+            faults = Faults(
+                specification, chance.streams(chosen)["line"], on_fault=None if diary is None else diary.fault
+            )
+            emulator = Disturbed(world, asked.baud, faults=faults, **settings)
         watchers: list[Callable[[float], None]] = [] if diary is None else [diary.watch]
         if asked.view:
             looking = partial(open_live, shown(about, world), address(), page=False, window=True)
@@ -99,7 +111,9 @@ def main(arguments: Sequence[str]) -> int:
                 watcher(now)
 
         ended = serve(endpoint, emulator, stop=stop, watch=watch)
-    print("score: " + ", ".join(f"{name} {value}" for name, value in world.score().items()))
+    if faults is not None:
+        print("faults: " + (", ".join(f"{kind} {n}" for kind, n in sorted(faults.counts.items())) or "none"))
+    print(scored(world.score()))
     if diary is None:
         return 0
     diary.close(ended)
@@ -168,6 +182,12 @@ def _parser() -> Parser:
         help=f"what is plugged on, of {', '.join(FITTINGS)}, or none (default: {','.join(DEFAULT_FITTINGS)})",
     )
     add("--seed", type=seed, help="of robot, start, arena and noise (default: a new one, told)")
+    add(
+        "--faults",
+        metavar="SPEC",
+        help="what goes wrong on the line, such as flip=1e-3,late=0.01,disconnect@30+5: KIND=RATE or "
+        f"KIND@TIME+SECONDS, of {', '.join((*KINDS, *GROUPS))}",
+    )
     add("--view", action="store_true", help="open the viewer on the emulated world")
     add("--log", type=Path, metavar="FILE", help="append the truth and the score, as JSON lines")
     return parser

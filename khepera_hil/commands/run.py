@@ -9,6 +9,7 @@ import secrets
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
+from dataclasses import asdict
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -21,6 +22,7 @@ from khepera_hil import chance
 from khepera_hil.budget import plan
 from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
+from khepera_hil.commands.scored import scored
 from khepera_hil.commands.setting import add_setting, setting_of
 from khepera_hil.commands.signals import heeded
 from khepera_hil.controllers import PROGRAMS, Controller
@@ -205,6 +207,8 @@ def _run(
         "baud": asked.baud,
         "period_s": asked.period,
         "clock": "simulated" if clock.simulated else "wall",
+        "verify": asked.verify,
+        "faults": asked.faults,
         "robot": {"bios": versions[0], "protocol": versions[1]},
         **service.program(),
         **about,
@@ -274,6 +278,8 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
         "without_data": service.blind,
         "lines_lost": service.losses,
         "robot_resets": service.resets,
+        "checks": asdict(service.checks),
+        "faults": {} if witness is None else witness.faults(),
         "work_ms": _percentiles(service.work),
         "late_ms": _percentiles(service.late),
         "stop": service.ended,
@@ -291,8 +297,16 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
         if not loss.startswith(_TERMINAL):  # who closed it knows that
             print(f"khepera-hil: {loss}", file=sys.stderr)
     print(f"stopped ({ending['stop']}) after {ending['ticks']} ticks, {ending['missed']} deadlines missed")
+    if ending["checks"]["verified"]:
+        print(
+            "verified: {verified} answers, {third} read a third time, {refused} ticks refused".format_map(
+                ending["checks"]
+            )
+        )
+    if ending["faults"]:
+        print("faults: " + ", ".join(f"{kind} {number}" for kind, number in sorted(ending["faults"].items())))
     if ending["score"]:
-        print("score: " + ", ".join(f"{name} {value}" for name, value in ending["score"].items()))
+        print(scored(ending["score"]))
     print(f"recorded in {recording.folder}; to look at it: khepera-hil review {recording.folder}")
     if as_json:
         about = {name: recording.manifest[name] for name in ("program", "seed")}

@@ -50,14 +50,19 @@ _CLOCKS: dict[str, type[WallClock] | type[SimulatedClock]] = {"wall": WallClock,
 class Witness:
     """What the emulated world saw, up to the clock's now. Metres, radians counter-clockwise, seconds."""
 
-    def __init__(self, world: World, catch_up: Callable[[], float]) -> None:
+    def __init__(self, world: World, catch_up: Callable[[], float], faults: Faults | None = None) -> None:
         self._world = world
         self._catch_up = catch_up
+        self._faults = faults
 
     def pose(self) -> tuple[float, float, float]:
         """The robot's true pose: x, y, theta."""
         self._catch_up()
         return self._world.pose()
+
+    def faults(self) -> dict[str, int]:
+        """How often what was done to the line, by kind."""
+        return {} if self._faults is None else dict(self._faults.counts)
 
     def size(self) -> tuple[float, float]:
         """The floor's width and depth; its corner is the origin."""
@@ -132,7 +137,7 @@ class Serial(SerialBase):
             clock.on_advance = self._emulator.advance
         self.clock = clock
         self.is_open = True
-        self.witness = Witness(world, self._catch_up)
+        self.witness = Witness(world, self._catch_up, self.faults)
 
     def close(self) -> None:
         """Let go of the robot; its world stands still from now on, unless the line was unplugged."""

@@ -76,11 +76,11 @@ def help_text(model: Model, item: str | None) -> bytes | None:
         f"Format of the command: {request}",
         f"Format of the answer: {answer}",
     ]
-    ranges = {
+    ranges = [
         f"{field.name}: {field.low}..{field.high}" + f" {field.unit}".rstrip()
         for field in command.request + command.answer
-    }
-    return lines(*told, *sorted(ranges))
+    ]
+    return lines(*told, *dict.fromkeys(ranges))
 
 
 def listing(model: Model) -> bytes:

@@ -22,6 +22,8 @@ def damage(path: Path) -> str | None:
 
     A bit that turned one number into another is not found.
     """
+    if not path.is_file():
+        return "it is no file"
     try:
         with path.open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:

@@ -116,14 +116,12 @@ def _beliefs(shown: list[Panel]) -> rrb.Vertical:
 
 
 def _chart(panel: Panel) -> rrb.BarChartView:
-    # Titles are cut off at the right: what tells them apart comes first.
+    # Short, since there is little room: the whole question stands on the page about the run.
     title = panel.key if panel.alone else panel.variable
-    if panel.main:
-        title += " (drawn: red)"
     if panel.words:  # the axis has numbers only
         title += ": " + ", ".join(f"{i} {value}" for i, value in enumerate(panel.values))
-    else:
-        title += f": {panel.title}"
+    if panel.main:
+        title += " (red: drawn)"
     return rrb.BarChartView(
         origin=f"/distributions/{panel.path}", name=title, plot_legend=rrb.PlotLegend(visible=False)
     )
@@ -147,11 +145,12 @@ def _waterfall(panel: Panel) -> rrb.Spatial2DView:
 
 
 def _series(manifest: Mapping[str, Any]) -> rrb.Vertical:
+    variables, words = _variables(manifest.get("evidence") or {}), _states(manifest)
     return rrb.Vertical(
         _plot("/sensors/proximity", "Proximity Px1..Px8: 0 far .. 1023 near", legend=False, span=(0, 1023)),
         _plot("/sensors/light", "Light L1..L8: 511 dark .. 0 bright", legend=False, span=(0, 511)),
-        *_variables(manifest.get("evidence") or {}),
-        *_states(manifest),
+        *variables,
+        *words,
         _plot("/motors", "Wheels as sent (pulse/10 ms, 1 = 8 mm/s)", legend=True),
         rrb.Tabs(
             _plot("/loop/ms", "Loop: lateness, work (ms)", legend=True),
@@ -159,6 +158,8 @@ def _series(manifest: Mapping[str, Any]) -> rrb.Vertical:
             _plot("/link", "Link: characters answered a tick", legend=True),
             active_tab=0,
         ),
+        # A lane of states is low; with many of them they need as much room as a plot.
+        row_shares=[1.0, 1.0, *[1.0] * len(variables), *[0.7 + 0.1 * len(states(manifest))] * len(words), 1.0, 0.9],
     )
 
 
@@ -255,7 +256,10 @@ def about(manifest: Mapping[str, Any]) -> str:
         "- Sensors clockwise from the left: 1 left, 2 left 45, 3 and 4 front, 5 right 45, 6 right, 7 and 8 back; "
         "blue is left, yellow and orange right, violet behind.",
         "- Light readings fall with brightness. Angles of a program are clockwise degrees, 0 ahead.",
-        "- Wheels in pulses per 10 ms, as really sent.",
+        "- States: words over time, as they were known or drawn; of what was only asked for the most probable one.",
+        "- Wheels in pulses per 10 ms, as really sent (1 is 8 mm/s).",
+        "- Loop: by how many ms a tick came late and how long it worked, deadlines missed, ticks that this file "
+        "lacks; link: characters that the robot answered, and those that nobody had asked for.",
         "- Timelines: `run_time` (robot time), `tick` (number of the deadline), `wall_clock` (host).",
     ]
     return "\n".join(lines)

@@ -87,8 +87,8 @@ def address(text: str = "127.0.0.1") -> Address:
 def _split(text: str) -> tuple[str, int | None]:
     bare = text.strip()
     if bare.startswith("["):
-        host, _, rest = bare[1:].partition("]")
-        port = rest[1:] if rest.startswith(":") else rest or None
+        host, bracket, rest = bare[1:].partition("]")
+        port = rest[1:] if rest.startswith(":") else rest or (None if bracket else "]")
     elif bare.count(":") > 1:
         host, port = bare, None
     else:

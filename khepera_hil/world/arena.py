@@ -281,6 +281,8 @@ def _start(table: Table | None, arena: Arena) -> Start:
     )
     table.end()
     if start.pose is not None:
+        if not (start.pose[0] <= width and start.pose[1] <= depth):
+            raise table.wrong("at_mm", f"must be on the floor of {width:g} x {depth:g} mm")
         robot = disc("robot", "robot", BODY_RADIUS, start.pose, 29.0)
         standing = [thing for thing in arena.things if thing.name not in arena.shelved]
         for other in [*arena_walls(arena), *base_walls(arena), *standing]:

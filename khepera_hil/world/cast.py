@@ -27,7 +27,7 @@ from khepera_hil.world.scenario import (
     TakeAway,
 )
 from khepera_hil.world.score import Score
-from khepera_hil.world.shapes import BODY_RADIUS, Pose, Shape
+from khepera_hil.world.shapes import BODY_RADIUS, Pose, Shape, overlap
 
 __all__ = ["PHYSICAL", "Cast", "Director"]
 
@@ -72,6 +72,7 @@ class Cast:
             self.flames[event.name] = event
         elif isinstance(event, Mover):
             self._on_floor(event, "path_mm", event.path, event.shape.radius)
+            self._on_free_floor(event, "path_mm", event.shape)
             self._bring(event, event.shape, brought)
         elif isinstance(event, PutDown):
             if event.place is None:
@@ -83,6 +84,7 @@ class Cast:
                 self._objects[event.name] = event.shape
             shape = self._object(event).at(_pose(event))
             self._on_floor(event, "at_mm", shape.points().tolist(), shape.radius)
+            self._on_free_floor(event, "at_mm", shape)
         elif isinstance(event, TakeAway):
             self._object(event)
         elif isinstance(event, LampSet) and event.name not in self._lamps:
@@ -106,6 +108,12 @@ class Cast:
         for x, y in places:
             if not (radius <= x <= width - radius and radius <= y <= depth - radius):
                 raise _wrong(event, key, f"must be on the floor of {width:g} x {depth:g} mm, and all of it")
+
+    def _on_free_floor(self, event: Event, key: str, shape: Shape) -> None:
+        """What stands there for ever would keep it waiting for ever."""
+        for other in self._layout.shapes:
+            if not other.movable and overlap(shape, other):
+                raise _wrong(event, key, f"must be free for {shape.name!r}, but {other.name!r} stands there")
 
     def _shelved(self) -> dict[str, Pose]:
         """Where things lie that are not on the floor, by name: in a row beyond the west wall, flames too."""

@@ -15,6 +15,12 @@ SCANS_A_STEP = 2
 
 SENSORS = 8
 
+_AGES = [
+    [scan // SCANS_A_STEP - (scan - (scan - sensor) % SENSORS) // SCANS_A_STEP for sensor in range(SENSORS)]
+    for scan in range(SENSORS)
+]
+"""For each scan of a turn, how many steps ago each sensor was scanned for the last time."""
+
 
 class Moment(NamedTuple):
     """Where everything is at the end of one step: lengths in mm.
@@ -31,19 +37,16 @@ class Moment(NamedTuple):
 class History:
     """As many moments as the eight sensors may still show, the latest last."""
 
+    reach = 1 + max(map(max, _AGES))
+    """How many that are."""
+
     def __init__(self, start: Moment) -> None:
-        # Eight scans reach into five steps at the most.
-        reach = -(-(SENSORS - 1) // SCANS_A_STEP)
-        self.moments = deque([start] * (reach + 1), maxlen=reach + 1)
+        self.moments = deque([start] * self.reach, maxlen=self.reach)
 
     def scanned(self, scan: int) -> list[Moment]:
         """The moment at which each sensor was scanned for the last time, when scan ``scan`` is done (0: the first).
 
         Sensors are scanned in turn; before the first scan they saw what there was at power-up.
         """
-        now = scan // SCANS_A_STEP
-        return [self.moments[-1 - now + self._step(scan, sensor)] for sensor in range(SENSORS)]
-
-    @staticmethod
-    def _step(scan: int, sensor: int) -> int:
-        return (scan - (scan - sensor) % SENSORS) // SCANS_A_STEP
+        moments = self.moments
+        return [moments[-1 - age] for age in _AGES[scan % SENSORS]]

@@ -37,15 +37,15 @@ class FrameNoise:
             self._blocks[block] = drawn
         return drawn[0][row], drawn[1][row]
 
-    def scanned(self, scan: int) -> tuple[Array, Array]:
+    def scanned(self, scan: int) -> tuple[list[float], list[float]]:
         """The same of eight sensors that are scanned in turn, when scan ``scan`` is done (0: sensor 0's first)."""
         turn, sensor = divmod(scan, 8)
         normal, uniform = self.frame(turn + 1)  # frame 0 stood in them at power-up
         if sensor == 7:
-            return normal, uniform
+            return normal.tolist(), uniform.tolist()
         before, uniform_before = self.frame(turn)
         cut = sensor + 1
         return (
-            np.concatenate([normal[:cut], before[cut:]]),
-            np.concatenate([uniform[:cut], uniform_before[cut:]]),
+            normal[:cut].tolist() + before[cut:].tolist(),
+            uniform[:cut].tolist() + uniform_before[cut:].tolist(),
         )

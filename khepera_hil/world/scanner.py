@@ -62,7 +62,7 @@ class Scanner:
         self._light_noise = FrameNoise(light)
         self._read_proximity: tuple[int, list[int]] = (-1, [])
         self._read_light: tuple[int, list[int]] = (-1, [])
-        self._clean: tuple[int, Array] = (-1, np.zeros(SENSORS))
+        self._clean: tuple[int, list[float]] = (-1, [])
         self._broken: dict[tuple[str, int], int] = {}
 
     def break_sensor(self, sensor: int, of: str, reads: int | None) -> None:
@@ -76,36 +76,53 @@ class Scanner:
         """The eight values after scan ``scan``, 0..1023."""
         if self._read_proximity[0] != scan:
             moments = history.scanned(scan)
-            clean = np.zeros(SENSORS)
-            for rows, places, poses in _together(moments):
-                clean[rows] = self._sensors.proximity(self._stage.at(places), poses)[rows]
-            now = moments[scan % SENSORS]
-            shining = [(light.lamp, 2 * light.lamp.intensity) for light in now.lights]  # a flicker's most
-            if self._sensors.may_be_blinded(now.pose, shining):
-                clean = clean * self._sensors.blinded(self._light(scan, history))
             normal, uniform = self._proximity_noise.scanned(scan)
-            noisy = np.rint(clean + _PROXIMITY_NOISE * normal)
-            nothing = np.where(uniform < 0.5, 0, np.floor((uniform - 0.5) * 24) + 1)
-            values = np.clip(np.where(clean > _BACKGROUND, noisy, nothing), 0, 1023)
-            self._read_proximity = (scan, values.astype(int).tolist())
+            values = [0 if drawn < 0.5 else int((drawn - 0.5) * 24) + 1 for drawn in uniform]
+            for sensor, seen in self._seen(scan, history, moments):
+                values[sensor] = min(max(round(seen + _PROXIMITY_NOISE * normal[sensor]), 0), 1023)
+            self._read_proximity = (scan, values)
         return self._with_broken("proximity", self._read_proximity[1])
 
     def light(self, scan: int, history: History) -> list[int]:
         """The eight values after scan ``scan``, 0..511, low is bright."""
         if self._read_light[0] != scan:
             normal, _ = self._light_noise.scanned(scan)
-            values = np.clip(np.rint(self._light(scan, history) + _LIGHT_NOISE * normal), 0, 511)
-            self._read_light = (scan, values.astype(int).tolist())
+            values = [
+                min(max(round(clean + _LIGHT_NOISE * drawn), 0), 511)
+                for clean, drawn in zip(self._light(scan, history), normal, strict=True)
+            ]
+            self._read_light = (scan, values)
         return self._with_broken("light", self._read_light[1])
 
-    def _light(self, scan: int, history: History) -> Array:
-        """Ambient light without noise, shape (8,)."""
+    def _seen(self, scan: int, history: History, moments: list[Moment]) -> Iterator[tuple[int, float]]:
+        """Sensors that see more than nothing, and what: counts, without noise."""
+        clean = np.zeros(SENSORS)
+        anything = False
+        for rows, places, poses in _together(moments):
+            seen = self._sensors.proximity(self._stage.at(places), poses)
+            if seen is not None:
+                anything = True
+                clean[rows] = seen[rows]
+        if not anything:
+            return
+        now = moments[scan % SENSORS]
+        shining = [(light.lamp, 2 * light.lamp.intensity) for light in now.lights]  # a flicker's most
+        if self._sensors.may_be_blinded(now.pose, shining):
+            clean = clean * self._sensors.blinded(self._light(scan, history))
+        for sensor, value in enumerate(clean.tolist()):
+            if value > _BACKGROUND:
+                yield sensor, value
+
+    def _light(self, scan: int, history: History) -> list[float]:
+        """Ambient light without noise."""
         if self._clean[0] != scan:
             moments = history.scanned(scan)
             lights = _shining(moments)
-            clean = np.zeros(SENSORS)
+            clean = [0.0] * SENSORS
             for rows, places, poses in _together(moments):
-                clean[rows] = self._sensors.light(self._stage.at(places), poses, lights)[rows]
+                found = self._sensors.light(self._stage.at(places), poses, lights)
+                for sensor in rows:
+                    clean[sensor] = found[sensor]
             self._clean = (scan, clean)
         return self._clean[1]
 
@@ -115,15 +132,18 @@ class Scanner:
         return [self._broken.get((sense, sensor), value) for sensor, value in enumerate(values)]
 
 
-def _together(moments: list[Moment]) -> Iterator[tuple[slice | list[int], list[Pose | None], list[Pose]]]:
+_ALL = list(range(SENSORS))
+
+
+def _together(moments: list[Moment]) -> Iterator[tuple[list[int], list[Pose | None], list[Pose]]]:
     """Sensors that were scanned while the movable shapes stood alike: which, the places, and the robot's poses."""
     poses = [moment.pose for moment in moments]
     first = moments[0].places
-    if all(moment.places is first or moment.places == first for moment in moments):
-        still = all(pose == poses[0] for pose in poses)
-        yield slice(None), first, poses[:1] if still else poses
+    if all(moment.places is first for moment in moments) or all(moment.places == first for moment in moments):
+        still = poses.count(poses[0]) == SENSORS
+        yield _ALL, first, poses[:1] if still else poses
         return
-    left = list(range(SENSORS))
+    left = _ALL
     while left:
         places = moments[left[0]].places
         rows = [sensor for sensor in left if moments[sensor].places == places]
@@ -131,11 +151,11 @@ def _together(moments: list[Moment]) -> Iterator[tuple[slice | list[int], list[P
         yield rows, places, poses
 
 
-def _shining(moments: list[Moment]) -> list[tuple[Lamp, Array | float]]:
+def _shining(moments: list[Moment]) -> list[tuple[Lamp, list[float]]]:
     """Every lamp with how strongly it shone when each sensor was scanned."""
     lights = moments[0].lights
     if all(moment.lights is lights for moment in moments) and all(light.flicker is None for light in lights):
-        return [(light.lamp, light.lamp.intensity) for light in lights]
+        return [(light.lamp, [light.lamp.intensity] * SENSORS) for light in lights]
     found = {light.lamp.name: light.lamp for moment in moments for light in moment.lights}
     strengths = [{light.lamp.name: light.strength(moment.step) for light in moment.lights} for moment in moments]
-    return [(lamp, np.array([there.get(name, 0.0) for there in strengths])) for name, lamp in found.items()]
+    return [(lamp, [there.get(name, 0.0) for there in strengths]) for name, lamp in found.items()]

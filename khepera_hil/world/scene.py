@@ -149,7 +149,10 @@ class Scene:
         self._neighbours = neighbourhood
         self._version = 0
         self._near: _Near | None = None
-        self._shading: dict[object, tuple[int, float, float, tuple[Array, Array]]] = {}
+        self._shading: dict[object, tuple[int, float, float, list[Solid]]] = {}
+        self._rows: tuple[list[Solid], int, Array, Array] = [], -1, np.empty(0), np.empty(0)
+        self.brightest = max((shape.reflectance for shape in shapes), default=0.0)
+        """The greatest reflectance of anything in it."""
 
     def place(self, place: int, pose: Pose | None) -> None:
         """Move the shape at this place of the constructor's sequence; None: it is not there."""
@@ -158,13 +161,16 @@ class Scene:
             solid.place(pose)
             self._version += 1
 
-    def reflections(self, rays: Rays, poses: Sequence[Pose], reach: float) -> Hits | None:
-        """The first thing within ``reach`` mm that each ray hits; None when none can hit anything.
+    def reflections(
+        self, rays: Rays, poses: Sequence[Pose], reach: float, matters: float = math.inf
+    ) -> Hits | None:
+        """The first thing within ``reach`` mm that each ray hits.
 
-        ``poses`` are one for all rays or as many as share them out (see :meth:`Rays.placed`), close together.
+        ``poses`` are one for all rays or as many as share them out (see :meth:`Rays.placed`), close together. None
+        when nothing stands within ``matters`` mm of them, which is much quicker to see.
         """
         near = self._neighbourhood(poses, rays.farthest, reach)
-        if not near.solids or not _any_within(near.solids, poses, reach + rays.farthest):
+        if not _any_within(near.solids, poses, min(matters, reach + rays.farthest)):
             return None
         from_x, from_y, way_x, way_y = rays.placed(poses)
         found: list[tuple[Array, Array, NDArray[np.intp], Array]] = []
@@ -258,26 +264,39 @@ class Scene:
         self._near = _Near(self._version, x, y, reach, solids, *tables)
         return self._near
 
-    def shaded(
-        self, key: object, lamp: tuple[float, float, float], width: float, starts: Array, sides: Array
-    ) -> Array:
-        """The share of a lamp that is hidden from each place, of three lines of sight: shape (n,).
+    def shadows(self, key: object, lamp: tuple[float, float, float], width: float, pose: Pose) -> list[Solid]:
+        """What may hide a lamp (x, y, height; radius ``width`` mm) from a sensor of a robot about ``pose``.
 
-        ``lamp`` is (x, y, height), ``width`` mm its radius; ``starts`` are the places, shape (n, 2), at the
-        scene's level; ``sides`` unit vectors across the way to the lamp, of the same shape. ``key`` names the
-        lamp, so that what may stand between is not looked for each time.
+        ``key`` names the lamp, so that what may stand between is not looked for each time.
         """
-        edges, discs = self._between(key, lamp, width, starts)
-        if not len(edges) and not len(discs):
-            return np.zeros(len(starts))
-        rims = np.array([-width, 0.0, width])[:, None, None] * sides + lamp[:2]
-        way_x, way_y = (rims - starts).reshape(-1, 2).T
-        from_x, from_y = np.tile(starts.T, 3)
-        length = np.maximum(np.hypot(way_x, way_y), 1e-9)
+        x, y, _ = pose
+        known = self._shading.get(key)
+        if (
+            known is None
+            or known[0] != self._version
+            or abs(x - known[1]) > _NEIGHBOURHOOD
+            or abs(y - known[2]) > _NEIGHBOURHOOD
+        ):
+            wide = self.between((x, y), lamp, 2 * _NEIGHBOURHOOD + _ROBOT + width, self._solids)
+            known = self._shading[key] = self._version, x, y, wide
+        return self.between((x, y), lamp, _ROBOT + width, known[3]) if known[3] else known[3]
+
+    def shaded(self, solids: list[Solid], lamp: tuple[float, float, float], lines: Array) -> NDArray[np.bool_]:
+        """Whether the solids hide a lamp (x, y, height) along straight lines to it, shape (n,) of bool.
+
+        ``lines`` are their starts at the scene's level, their ways and these ways' lengths, shape (5, n).
+        """
+        if self._rows[1] != self._version or solids != self._rows[0]:
+            rows = [(*edge[:4], solid.shape.height) for solid in solids for edge in solid.edges]
+            discs_ = [(s.x, s.y, s.radius, s.shape.height) for s in solids if not s.edges]
+            columns = np.array(rows).reshape(-1, 5).T[:, :, None], np.array(discs_).reshape(-1, 4).T[:, :, None]
+            self._rows = solids, self._version, *columns
+        _, _, edges, discs = self._rows
+        from_x, from_y, way_x, way_y, length = lines
         first, rise = -_TOUCHING / length, lamp[2] - self.level
         hidden = np.zeros(len(way_x), bool)
-        if len(edges):
-            x, y, along_x, along_y, height = edges.T[:, :, None]
+        if edges.size:
+            x, y, along_x, along_y, height = edges
             # A line is lowest where it enters a shape, so the faces that look away do not matter.
             across = np.minimum(way_x * along_y - way_y * along_x, -1e-12)
             away_x, away_y = x - from_x, y - from_y
@@ -285,37 +304,24 @@ class Scene:
             t = (away_x * along_y - away_y * along_x) / across
             crossed = (np.abs(u - 0.5) <= 0.5) & (t >= first) & (t <= 1)
             hidden |= (crossed & (height > self.level + rise * np.maximum(t, 0))).any(0)
-        if len(discs):
-            x, y, radius, height = discs.T[:, :, None]
+        if discs.size:
+            x, y, radius, height = discs
             away_x, away_y = x - from_x, y - from_y
             middle = (away_x * way_x + away_y * way_y) / length
             square = middle * middle - away_x * away_x - away_y * away_y + radius * radius
             t = (middle - np.sqrt(np.maximum(square, 0))) / length
             crossed = (square > 0) & (t >= first) & (t <= 1)
             hidden |= (crossed & (height > self.level + rise * np.maximum(t, 0))).any(0)
-        share: Array = hidden.reshape(3, -1).sum(0) / 3
-        return share
+        return hidden
 
-    def _between(
-        self, key: object, lamp: tuple[float, float, float], width: float, starts: Array
-    ) -> tuple[Array, Array]:
-        """Edges and discs that may hide any point of a lamp from anywhere near the places."""
-        x, y = starts[-1].tolist()
-        if (known := self._shading.get(key)) is not None:
-            version, then_x, then_y, shading = known
-            if version == self._version and abs(x - then_x) <= _NEIGHBOURHOOD and abs(y - then_y) <= _NEIGHBOURHOOD:
-                return shading
-        # The places are a robot's sensors: all within twice its radius of the last one.
-        spread = 2 * _NEIGHBOURHOOD + _ROBOT_WIDTH
-        solids = self.between((x, y), lamp, spread + width)
-        edges = [(*edge[:4], solid.shape.height) for solid in solids for edge in solid.edges]
-        discs = [(solid.x, solid.y, solid.radius, solid.shape.height) for solid in solids if not solid.edges]
-        shading = np.array(edges).reshape(-1, 5), np.array(discs).reshape(-1, 4)
-        self._shading[key] = self._version, x, y, shading
-        return shading
-
-    def between(self, place: tuple[float, float], target: tuple[float, float, float], width: float) -> list[Solid]:
-        """What may hide any point near ``target`` (x, y, height) from any near ``place`` at the scene's level.
+    def between(
+        self,
+        place: tuple[float, float],
+        target: tuple[float, float, float],
+        width: float,
+        solids: Sequence[Solid],
+    ) -> list[Solid]:
+        """Which of the solids may hide any point near ``target`` (x, y, height) from any near ``place``.
 
         Near is at most ``width`` mm away at the same height.
         """
@@ -325,7 +331,7 @@ class Scene:
         left, right = min(x, to_x) - width, max(x, to_x) + width
         low, high = min(y, to_y) - width, max(y, to_y) + width
         near = []
-        for solid in self._solids:
+        for solid in solids:
             box = solid.box
             if box[0] > right or box[2] < left or box[1] > high or box[3] < low:
                 continue
@@ -343,7 +349,8 @@ class Scene:
 
 
 _TOUCHING = 3.0  # mm behind a sensor at which a line of sight begins, so that what touches it hides the light
-_ROBOT_WIDTH = 60.0  # mm
+_ON_THE_WAY = 15.0  # mm from the first or the last of several poses to any between
+_ROBOT = 50.0  # mm from a pose to its sensors, where it was 20 ms before or after too
 
 
 def _within(solid: Solid, least_x: float, most_x: float, least_y: float, most_y: float, reach: float) -> bool:
@@ -352,12 +359,16 @@ def _within(solid: Solid, least_x: float, most_x: float, least_y: float, most_y:
 
 
 def _any_within(solids: list[Solid], poses: Sequence[Pose], reach: float) -> bool:
-    if len(poses) == 1:
-        x, y, _ = poses[0]
-        return any(_within(solid, x, x, y, y, reach) for solid in solids)
-    across, up, _ = zip(*poses, strict=True)
-    least_x, most_x, least_y, most_y = min(across), max(across), min(up), max(up)
-    return any(_within(solid, least_x, most_x, least_y, most_y, reach) for solid in solids)
+    """Whether anything stands so near to a pose that lies on the way from the first to the last."""
+    for pose in (poses[-1],) if len(poses) == 1 else (poses[0], poses[-1]):
+        x, y, _ = pose
+        for solid in solids:
+            left, low, right, high = solid.box
+            across = left - x if x < left else x - right if x > right else 0.0
+            up = low - y if y < low else y - high if y > high else 0.0
+            if across * across + up * up <= (reach + _ON_THE_WAY) ** 2:
+                return True
+    return False
 
 
 def _beside(solid: Solid, x: float, y: float, along_x: float, along_y: float, width: float) -> bool:

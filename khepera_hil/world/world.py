@@ -138,8 +138,7 @@ class World:
         before = self._now
         for step in range(self._steps + 1, target + 1):
             now = step * STEP
-            # An empty battery turns nothing.
-            left, right = wheels() if battery.charge > 0 else (0.0, 0.0)
+            left, right = wheels() if battery.charge > 0 else self._unpowered()
             pose = physics.advance(STEP, (left + right) / 2, (right - left) / WHEEL_BASE)
             if director.acts or now + 1e-9 >= director.next:
                 director.step(now, step, pose, self._turbine)
@@ -155,6 +154,11 @@ class World:
             before = moment
         self._now = before
         self._steps = target
+
+    def _unpowered(self) -> tuple[float, float]:
+        """An empty battery turns no wheel, and the encoders see it."""
+        self._wheels.window = self._wheels.travel, self._wheels.travel
+        return 0.0, 0.0
 
     def _reckon(self) -> None:
         """The battery's part since the last time."""

@@ -14,6 +14,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
+from khepera_hil.disturbed import Disturbed
 from khepera_hil.emulator import Emulator
 from khepera_hil.endpoints import Endpoint, pseudo_terminal, tcp_port
 from khepera_hil.serve import serve
@@ -36,7 +37,8 @@ class Served:
 @contextmanager
 def served(kind: str, folder: Path, baud: int = 38400, world: World | None = None, **more: Any) -> Iterator[Served]:
     """A server in a thread; ``kind`` is ``pty`` or ``tcp``."""
-    robot = Emulator(world or World("empty"), baud, host_follows=kind == "tcp", fifo=FIFO_16550, **more)
+    make = Disturbed if "faults" in more else Emulator
+    robot = make(world or World("empty"), baud, host_follows=kind == "tcp", fifo=FIFO_16550, **more)
     stop, ender = os.pipe()
     ends = SimpleQueue[float]()
     with ExitStack() as stack:

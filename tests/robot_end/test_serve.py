@@ -1,7 +1,9 @@
 """The pseudo-terminal and the TCP port: what holds for both, then what is each one's own."""
 
+import fcntl
 import os
 import socket
+import termios
 import threading
 import time
 from contextlib import ExitStack
@@ -113,6 +115,34 @@ def test_nothing_is_echoed_before_the_first_client_sets_its_terminal(tmp_path: P
             assert b"B\n" not in seen
         finally:
             os.close(plain)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root opens a terminal that is locked")
+def test_a_lock_that_a_client_left_behind_is_taken_off_and_one_that_is_held_is_not(tmp_path: Path) -> None:
+    def locked(fd: int) -> bool:
+        return any(fcntl.ioctl(fd, 0x80045440, bytes(4)))  # TIOCGEXCL
+
+    with served("pty", tmp_path) as robot:
+        first = os.open(robot.url, os.O_RDWR | os.O_NOCTTY)
+        fcntl.ioctl(first, termios.TIOCEXCL)
+        with ManualClient(robot.url) as client:  # root may, in spite of the lock
+            client.settle()
+            began = time.monotonic()
+            while time.monotonic() < began + 1.5:
+                assert client.ask("B") == "b,5.01,5.00"
+            assert locked(first)
+        os.close(first)
+        deadline = time.monotonic() + PATIENCE
+        while time.monotonic() < deadline:
+            time.sleep(0.3)
+            look = os.open(robot.url, os.O_RDWR | os.O_NOCTTY)
+            try:
+                if not locked(look):
+                    break
+            finally:
+                os.close(look)
+        else:
+            pytest.fail("the lock stays")
 
 
 def test_a_link_that_somebody_needs_is_refused_and_a_dead_one_replaced(tmp_path: Path) -> None:

@@ -73,6 +73,30 @@ def test_neither_cutting_nor_looking_more_often_changes_what_arrives(
     assert seen == whole.arrived(end)
 
 
+@given(
+    data=st.binary(min_size=1, max_size=20),
+    rates=st.tuples(baud_rates, baud_rates),
+    after=st.integers(0, 20),
+    looks=st.lists(st.integers(0, 200), max_size=8),
+)
+def test_a_receiver_that_changes_its_rate_reads_what_came_before_and_garbles_the_rest(
+    data: bytes, rates: tuple[int, int], after: int, looks: list[int]
+) -> None:
+    sent_at, later = rates
+    after = min(after, len(data))
+    line = Line(sent_at, sent_at)
+    line.send(data, 0.0)
+    change = after * BITS_PER_CHARACTER / sent_at
+    end = line.free + BITS_PER_CHARACTER / later
+    seen = b""
+    for moment in sorted(place / 200 * change for place in looks):
+        seen += bytes(byte for _, byte in line.arrived(moment))
+    line.listen(later, change)
+    for moment in sorted([*(change + place / 200 * (end - change) for place in looks), end]):
+        seen += bytes(byte for _, byte in line.arrived(moment))
+    assert seen == data[:after] + resample(data[after:], sent_at, later)
+
+
 def test_a_byte_arrives_with_its_last_stop_bit() -> None:
     line = Line(9600, 9600)
     line.send(b"ab", 2.0)
@@ -85,8 +109,8 @@ def test_a_byte_arrives_with_its_last_stop_bit() -> None:
 def test_the_fifo_hands_over_fourteen_or_what_has_rested_for_four_characters() -> None:
     fifo, baud = Fifo(14), 38400
     character = 11 / baud
-    for place in range(20):
-        fifo.put((place + 1) * character, place, baud)
+    fifo.put((((place + 1) * character, place) for place in range(9)), baud)
+    fifo.put((((place + 1) * character, place) for place in range(9, 20)), baud)
     assert fifo.next_show() == 14 * character
     assert fifo.shown(13.9 * character) == b""
     assert fifo.shown(14 * character) == bytes(range(14))

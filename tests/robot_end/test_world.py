@@ -5,6 +5,8 @@ import math
 import os
 import subprocess
 import sys
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -289,3 +291,34 @@ def test_shapes_and_poses_are_in_metres_and_json_able() -> None:
         assert list(pose) == pytest.approx(shapes[name]["pose"])
     assert shapes["robot"]["radius"] == pytest.approx(0.0285)
     assert all(("polygon" in shape) != ("radius" in shape) for shape in shapes.values())
+
+
+def closer(shape: Shape, less: float) -> Shape:
+    """At most ``less`` mm smaller on every side."""
+    reach = max((math.hypot(*corner) for corner in shape.corners), default=shape.radius)
+    share = 1 - less / reach
+    parts = tuple(tuple((x * share, y * share) for x, y in part) for part in shape.convex)
+    return replace(shape, corners=parts[0] if parts else (), parts=parts, radius=shape.radius * share)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_whatever_is_pushed_about_sinks_into_nothing(seed: int) -> None:
+    world = World("push", seed)
+    chance = np.random.default_rng(seed)
+    shapes = {shape.name: closer(shape, 0.25) for shape in world.layout.shapes}
+    for _ in range(60):
+        ahead, turn = chance.uniform(40, 250), chance.uniform(-60, 60)
+        world.set_speed(ahead - turn, ahead + turn)
+        world.advance(world._steps * 0.005 + 0.5)
+        for name, (x, y, theta) in world.poses().items():
+            pose = (1000 * x, 1000 * y, theta)
+            shapes[name] = (
+                disc("robot", "robot", BODY_RADIUS - 0.25, pose, 29) if name == "robot" else shapes[name].at(pose)
+            )
+        for one, other in combinations(shapes.values(), 2):
+            if one.movable or other.movable or "robot" in (one.name, other.name):
+                assert gap(one, other) > 0, (one.name, other.name)
+    assert world.score()["objects_moved"] > 0
+    for name in ("heavy cube", "heavy drum"):
+        start = next(shape for shape in world.layout.shapes if shape.name == name)
+        assert world.poses()[name][:2] == pytest.approx((start.pose[0] / 1000, start.pose[1] / 1000), abs=5e-3)

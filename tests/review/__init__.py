@@ -1,0 +1,1 @@
+"""Recorded runs, looked at, asked again and compared."""
