@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from khepera_hil.experiments.nights import CALL
+from khepera_hil.perception.movement import CALIBRATE, SETTLE
 from khepera_hil.recording import Tick
 
 __all__ = ["LOOKING", "Agreement", "Tally"]
 
-LOOKING = 9
+LOOKING = SETTLE + CALIBRATE
 """Ticks of a stop after which the watchman looks: it has settled, and knows what a still picture is."""
 
 _SEEN = 3  # ticks in view, while it looks, of a mover that should be noticed

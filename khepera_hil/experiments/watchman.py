@@ -96,9 +96,7 @@ def _figures(what: str, nights: Sequence[Result]) -> list[Figure]:
         counted(f"{what}: hours", hours),
         counted(f"{what}: ticks without a decision", sum(int(one["blind"]) for one in nights), "<= 0"),
         counted(f"{what}: longest contact, s", max(_scored(nights, "contact_longest_s")), "<= 3"),
-        counted(
-            f"{what}: least charge of battery", min(float(one["least_charge"]) for one in nights), ">= .01"
-        ),
+        counted(f"{what}: least charge of battery", min(float(one["least_charge"]) for one in nights), ">= .01"),
         share(f"{what}: fires put out", fought, ">= 0.95"),
         *([counted(f"{what}: seconds until a fire was out, median", median(fires))] if fires else []),
         share(f"{what}: movers in view of a stop noticed", [i < noticed for i in range(movers)], ">= 0.9"),

@@ -87,8 +87,9 @@ class Fire:
     ) -> bool:
         """Whether there is a fire at this tick.
 
-        ``light``: the eight readings; ``aim`` and ``near``: DirL and ProxL by E4.1 and E4.2 on them; ``prox``: Prox;
-        ``base``: P(Base = true); ``way`` (mm) and ``turn`` (radians) since the last tick; ``move``: the Move since then.
+        ``light``: the eight readings; ``aim`` and ``near``: DirL and ProxL by E4.1 and E4.2 on them; ``prox``:
+        Prox; ``base``: P(Base = true); ``way`` (mm) and ``turn`` (radians) since the last tick; ``move``: the Move
+        since then.
         """
         self.events.clear()
         brightness = [max(0, _DARK - min(value, LIGHT_MAX)) for value in light[:6]]
@@ -136,11 +137,10 @@ class Fire:
             self._driven = None
 
     def _blow(self, total: float, move: str) -> None:
-        if move == "blow":
-            if not self._blowing:
-                self._blows += 1
-                self._blown_at = total
-                self._rest += _CLOSER
+        if move == "blow" and not self._blowing:
+            self._blows += 1
+            self._blown_at = total
+            self._rest += _CLOSER
         self._blowing = move == "blow"
 
     def _end(self, why: str, ignore: int = 0) -> None:

@@ -3,36 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from math import sqrt
+from statistics import fmean, median
 
-__all__ = ["Movement"]
+__all__ = ["CALIBRATE", "SETTLE", "Movement"]
 
 SETTLE = 3
 """Ticks that the wheels must have stood still before a frame counts."""
 
-CALIBRATE = 5
-"""Frames by which a still picture is known."""
+CALIBRATE = 4
+"""Frames by which the still picture is known."""
 
-_FLOOR = 0.5  # of the deviation of a still picture, in grey levels
-_DEVIATIONS = 4.0
+_NOISE = 3.0  # grey levels: the least that a cell's readings are taken to deviate by
+_DEVIATIONS = 4.5
 _IN_A_ROW = 2
 
 
 class Movement:
-    """Two frames of a still robot differ by the camera's noise, unless something moves (proposed).
+    """What is new before the still picture: it moves, or it has come (proposed).
 
-    Each frame is scaled to a mean of 128, so that a lamp that flickers is no movement, and D is the mean absolute
-    difference of two frames. The first five D of a stop say what is usual; two in a row of more than four
-    deviations above that are a movement. Only one alarm is given in a stop. What moves during these first five
-    frames already passes for usual.
+    The still picture is the mean of the first frames of a stop. A frame is first brought to its exposure, by the
+    median of what each cell has become, so that neither a lamp that flickers nor the camera's own adaptation is a
+    movement. Then two neighbouring cells that have both changed by more than the noise allows, in two frames in a
+    row, are one. The mean difference of two frames, the obvious measure, hardly shows a mouse: it covers a twentieth
+    of the picture, and every other frame it stands before something as bright as itself.
+
+    One alarm is given in a stop.
     """
 
     def __init__(self) -> None:
-        self.difference: float | None = None
-        """D of the last two frames of this stop, in grey levels."""
+        self.changed: float | None = None
+        """By how many deviations the most changed pair of cells has changed; None while it does not look."""
         self._still = 0
-        self._before: list[float] = []
-        self._usual: list[float] = []
+        self._frames: list[list[float]] = []
+        self._picture: list[float] = []
+        self._noise = 0.0
         self._high = 0
         self._told = False
 
@@ -40,24 +46,38 @@ class Movement:
         """Whether something begins to move at this tick. ``frame``: grey levels, or None when it was not asked;
         ``standing``: whether the wheels have not turned since the last tick."""
         if not standing:
-            self.__init__()  # type: ignore[misc]  # the next stop begins anew
+            if self._still:
+                self.__init__()  # type: ignore[misc]  # the next stop begins anew
             return False
         self._still += 1
-        if frame is None or self._still <= SETTLE or not sum(frame):
+        if frame is None or self._still <= SETTLE or not any(frame):
             return False
-        scale = 128 * len(frame) / sum(frame)
-        now = [scale * value for value in frame]
-        before, self._before = self._before, now
-        if not before:
+        if not self._picture:
+            self._frames.append([float(value) for value in frame])
+            if len(self._frames) == CALIBRATE:
+                self._look_at(self._frames)
             return False
-        d = self.difference = sum(abs(a - b) for a, b in zip(now, before, strict=True)) / len(now)
-        if len(self._usual) < CALIBRATE:
-            self._usual.append(d)
+        if len(frame) != len(self._picture):
             return False
-        mean = sum(self._usual) / CALIBRATE
-        deviation = sqrt(sum((usual - mean) ** 2 for usual in self._usual) / (CALIBRATE - 1))
-        self._high = self._high + 1 if d > mean + _DEVIATIONS * max(deviation, _FLOOR) else 0
+        gain = median(now / max(then, 1.0) for now, then in zip(frame, self._picture, strict=True)) or 1.0
+        off = [now / gain - then for now, then in zip(frame, self._picture, strict=True)]
+        self.changed = max(abs(a + b) for a, b in pairwise(off)) / 2 / (self._noise / sqrt(2))
+        self._high = self._high + 1 if self.changed > _DEVIATIONS else 0
         if self._told or self._high < _IN_A_ROW:
             return False
         self._told = True
         return True
+
+    def _look_at(self, frames: Sequence[Sequence[float]]) -> None:
+        """The still picture, and what a cell of one more frame will deviate from it by."""
+        count = len(frames)
+        means = [fmean(frame) or 1.0 for frame in frames]
+        even = [[value * means[-1] / mean for value in frame] for frame, mean in zip(frames, means, strict=True)]
+        self._picture = [fmean(cell) for cell in zip(*even, strict=True)]
+        squares = [
+            (value - mean) ** 2
+            for cell, mean in zip(zip(*even, strict=True), self._picture, strict=True)
+            for value in cell
+        ]
+        spread = sqrt(sum(squares) / ((count - 1) * len(self._picture)))
+        self._noise = max(_NOISE, spread) * sqrt(1 + 1 / count)
