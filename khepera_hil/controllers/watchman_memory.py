@@ -12,11 +12,11 @@ class Drawn:
     """One Behavior and one Move, drawn given the motors that were drawn.
 
     So the motors keep the law of E10.4 and the memory fits the movement: wheels that stand still are remembered as
-    a stop. Before the first tick it is an idle robot's.
+    a stop. Before the first tick it is that of a robot on its way home: of that Behavior_t-1 nothing is impossible.
     """
 
     def __init__(self) -> None:
-        self.behavior, self.move, self.age = "idle", "stop", 0
+        self.behavior, self.move, self.age = "homing", "stop", 0
 
     def evidence(self, *, arrived: bool) -> dict[str, Value]:
         """Behavior_t-1, Move_t-1 and Tempo. An approach has run its time also when the robot has arrived."""

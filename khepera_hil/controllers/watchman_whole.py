@@ -69,7 +69,7 @@ _motors = (
 
 
 class WholeMind:
-    """Asks and draws as `Mind` does, and remembers the belief. Before the first tick the robot is idle."""
+    """Asks and draws as `Mind` does, and remembers the belief. Before the first tick the robot is on its way home."""
 
     def __init__(self) -> None:
         self.questions: dict[str, Question] = {
@@ -82,7 +82,7 @@ class WholeMind:
         }
         # For each Move a row for each Behavior over its age in ticks, from 1; the last is its quota and all beyond.
         self._belief = [np.zeros((len(Behavior), QUOTA.get(m, 1) + 1)) for m in Move.values]
-        self._belief[Move.place("stop")][Behavior.place("idle"), 1] = 1
+        self._belief[Move.place("stop")][Behavior.place("homing"), 1] = 1
 
     def think(self, evidence: Mapping[str, Value], rng: np.random.Generator, *, arrived: bool) -> Thought:
         """The next belief, by what is sensed now, and the motors drawn from it."""

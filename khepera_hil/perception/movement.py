@@ -26,8 +26,8 @@ class Movement:
     The still picture is the mean of the first frames of a stop. A frame is first brought to its exposure, by the
     median of what each cell has become, so that neither a lamp that flickers nor the camera's own adaptation is a
     movement. Then two neighbouring cells that have both changed by more than the noise allows, in two frames in a
-    row, are one. The mean difference of two frames, the obvious measure, hardly shows a mouse: it covers a twentieth
-    of the picture, and every other frame it stands before something as bright as itself.
+    row, are one. The mean difference of two frames, the obvious measure, hardly shows a mouse: it covers a
+    twentieth of the picture, and every other frame it stands before something as bright as itself.
 
     One alarm is given in a stop.
     """
