@@ -52,12 +52,12 @@ class Movement:
         self._still += 1
         if frame is None or self._still <= SETTLE or not any(frame):
             return False
+        if len(frame) != len(self._frames[0] if self._frames else frame):
+            return False
         if not self._picture:
             self._frames.append([float(value) for value in frame])
             if len(self._frames) == CALIBRATE:
                 self._look_at(self._frames)
-            return False
-        if len(frame) != len(self._picture):
             return False
         gain = median(now / max(then, 1.0) for now, then in zip(frame, self._picture, strict=True)) or 1.0
         off = [now / gain - then for now, then in zip(frame, self._picture, strict=True)]
