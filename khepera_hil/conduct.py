@@ -51,7 +51,7 @@ class Conduct:
             }
             for key, (name, variables, values) in self._shapes.items()
         ]
-        return {"questions": questions, "evidence": known}
+        return {"questions": questions, "evidence": known, "needs": list(map(str, self._controller.needs))}
 
     def turn(self, tick: Tick) -> RobotError | None:
         """One tick, written into ``tick``; what was wrong with the robot, if anything was.

@@ -69,7 +69,7 @@ _motors = (
 
 
 class WholeMind:
-    """Asks and draws as `Mind` does, and remembers the belief. Before the first tick it is of a robot going home."""
+    """Asks and draws as `Mind` does, and remembers the belief. Its first is of a robot going home."""
 
     def __init__(self) -> None:
         self.questions: dict[str, Question] = {

@@ -7,6 +7,7 @@ variables, wheels and the loop over time.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,6 +18,7 @@ import rerun.blueprint as rrb
 from khepera_hil.recording import Value
 from khepera_hil.viewer import colours
 from khepera_hil.viewer.beliefs import HISTORY, MANY, PACE, Panel, panels
+from khepera_hil.viewer.eye import PATH, camera_of
 from khepera_hil.viewer.scene import TRAIL
 from khepera_hil.viewer.states import is_word, states
 
@@ -29,7 +31,11 @@ GROUND = colours.GROUND
 def layout(manifest: Mapping[str, Any]) -> rrb.Blueprint:
     """The layout for this run's questions and arena."""
     shown = panels(manifest)
-    left = rrb.Vertical(_space(manifest), _texts(), row_shares=[3.1, 1])
+    if camera_of(manifest) is None:
+        left = rrb.Vertical(_space(manifest), _texts(), row_shares=[3.1, 1])
+    else:
+        eye = rrb.Spatial2DView(origin=PATH, name="Camera, 36 degrees", background=GROUND)
+        left = rrb.Vertical(_space(manifest), eye, _texts(), row_shares=[3.1, 0.4, 1])
     columns: list[Any] = [left]
     shares = [1.12]
     if shown:
@@ -169,7 +175,7 @@ def _variables(evidence: Mapping[str, Sequence[Value]]) -> list[Any]:
         return [_plot("/variables", "Variables", legend=True)]
     scales: dict[int, list[str]] = {}
     for name, values in evidence.items():
-        if not all(map(is_word, values)):
+        if not all(map(is_word, values)) and not re.fullmatch(r"(Px|L)[1-8]", name):
             widest = max((abs(float(value)) for value in values if not isinstance(value, str)), default=1.0)
             scales.setdefault(int(np.log(max(widest, 1.0)) / np.log(8)), []).append(name)
     plots: list[Any] = [
