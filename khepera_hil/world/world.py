@@ -148,7 +148,7 @@ class World:
                 director.step(now, step, pose, self._turbine)
             moment = Moment(step, pose, physics.movables(), director.lights)
             remember(moment)
-            score(now, STEP, pose[:2], physics.touching > 0)
+            score(now, STEP, pose[:2], physics.touching > physics.meeting)
             if step >= camera.next:
                 camera.take(moment, before.pose)
             if step % _STEPS_A_WATT == 0:
