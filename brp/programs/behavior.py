@@ -49,7 +49,7 @@ Identify = Variable("Identify", (False, True))
 Behavior_t_1 = Variable("Behavior_t-1", Behavior.values)
 
 x = "x"
-table_2 = [
+table_2: list[list[Any]] = [
     # idle  patrol recognition fire-intervention homing recharge     was Behavior_t-1
     [0.90, x, 0, 0, x, x],  # idle
     [x, 0.90, x, x, x, x],  # patrol

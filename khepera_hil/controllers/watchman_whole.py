@@ -81,7 +81,7 @@ class WholeMind:
             MOTORS: _motors,
         }
         # For each Move a row for each Behavior over its age in ticks, from 1; the last is its quota and all beyond.
-        self._belief = [np.zeros((len(Behavior), QUOTA.get(m, 1) + 1)) for m in Move.values]
+        self._belief = [np.zeros((len(Behavior), QUOTA.get(str(m), 1) + 1)) for m in Move.values]
         self._belief[Move.place("stop")][Behavior.place("homing"), 1] = 1
 
     def think(self, evidence: Mapping[str, Value], rng: np.random.Generator, *, arrived: bool) -> Thought:
@@ -113,7 +113,7 @@ class WholeMind:
         before = sum((belief.sum(axis=1) for belief in self._belief), np.zeros(len(Behavior)))
         kernel = np.zeros((len(Behavior), len(Behavior)))
         for place, p in enumerate(base):
-            row = _JOINT[(slice(None), slice(None), place, *at)]
+            row: Array = _JOINT[:, :, place][(..., *at)]
             mass = float(before @ row.sum(axis=1))
             if mass > 0:
                 kernel += p * row / mass

@@ -43,7 +43,7 @@ def test_every_combination_of_evidence_is_answered_and_the_filled_rows_are_told(
         Behavior.values, (False, True), Energy.values, (False, True), (False, True), (False, True)
     ):
         watchman.vigil, watchman.identify = vigil, identify
-        watchman._memory.behavior, watchman._memory.move, watchman._memory.age = before, "stop", 5
+        watchman._memory.behavior, watchman._memory.move, watchman._memory.age = str(before), "stop", 5
         watchman._unfilled = 10
         watchman.energy._level = Energy.place(energy)
         watchman.fire.burning = fire
@@ -136,7 +136,7 @@ def test_orders_are_vigil_and_identify_and_nothing_else() -> None:
     watchman.order("identify")
     assert watchman.identify
     watchman.order("identify off")
-    assert not watchman.identify
+    assert watchman.identify is False
     for words in ("vigil maybe", "sing", "vigil on off", "VIGIL on"):
         with pytest.raises(OrderRefused, match="vigil on"):
             watchman.order(words)
