@@ -44,7 +44,7 @@ def night(seed: int, seconds: float, world: str) -> Night:
         body = f"at_mm = [{x}, {y}]\nreal = {str(real).lower()}\nlasts_s = {lasts}"
         events.append((moment, f'kind = "fire"\nname = "{"fire" if real else "bulb"} {len(events)}"\n{body}'))
     for moment in _moments(rng, seconds, 120.0):
-        path = [[round(float(value)) for value in rng.uniform(50, _SIDE - 50, 2)] for _ in range(4)]
+        path = [_door(rng), *([round(float(value)) for value in rng.uniform(50, _SIDE - 50, 2)] for _ in range(3))]
         body = str(rng.choice(["mouse", "ball"]))
         events.append(
             (
@@ -59,7 +59,7 @@ def night(seed: int, seconds: float, world: str) -> Night:
     for moment in _moments(rng, seconds, 600.0):
         events.append((moment, _order("identify", on=True)))
     for number, moment in enumerate(_moments(rng, seconds, 700.0)):
-        x, y = _place(rng)
+        x, y = _door(rng, 50)
         box = f'name = "box {number}"\nshape = "box"\nsize_mm = [70, 50]\nmass_g = {rng.integers(40, 400)}'
         events.append((moment, f'kind = "object"\n{box}\nat_mm = [{x}, {y}]\nangle_deg = {rng.integers(0, 90)}'))
         events.append((moment + 400, f'kind = "take-away"\nname = "box {number}"'))
@@ -85,6 +85,13 @@ def _moments(rng: np.random.Generator, seconds: float, apart: float) -> list[flo
     while (now := now + apart * (1 / 3 + 2 / 3 * float(rng.exponential()))) < seconds:
         moments.append(now)
     return moments
+
+
+def _door(rng: np.random.Generator, off: int = 45) -> list[int]:
+    """Beside a wall, ``off`` mm from it and far from the base: nothing fixed stands so near to one."""
+    along, side = round(float(rng.uniform(400, _SIDE - off))), int(rng.integers(4))
+    there = round(_SIDE) - off
+    return [[off, along], [along, off], [there, along], [along, there]][side]
 
 
 def _place(rng: np.random.Generator) -> tuple[int, int]:
