@@ -83,7 +83,7 @@ def _look(khepera: Khepera, each: int, period: float, seconds: float) -> dict[st
     found["trips"] = round_trips(khepera, each)
     _progress(f"{seconds:g} s of sensors")
     found["watch"] = watch(khepera, period, seconds)
-    found["budgets"] = budgets({name: make().needs for name, (_, make) in PROGRAMS.items()}, period)
+    found["budgets"] = budgets({name: one.make().needs for name, one in PROGRAMS.items()}, period)
     found["remarks"] = [*_of_the_line(found), *_of_the_sensors(found["watch"])]
     return found
 

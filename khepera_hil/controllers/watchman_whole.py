@@ -109,11 +109,11 @@ class WholeMind:
 
     def _behaviors(self, evidence: Mapping[str, Value], base: Array) -> Array:
         """P(Behavior_t-1 Behavior | ...) / P(Behavior_t-1), summed over Base; axes Behavior_t-1, Behavior."""
-        at = tuple(v.place(evidence[v.name]) for v in _OBSERVED)
+        vigil, energy, fire, identify = (v.place(evidence[v.name]) for v in _OBSERVED)
         before = sum((belief.sum(axis=1) for belief in self._belief), np.zeros(len(Behavior)))
         kernel = np.zeros((len(Behavior), len(Behavior)))
         for place, p in enumerate(base):
-            row: Array = _JOINT[:, :, place][(..., *at)]
+            row: Array = _JOINT[:, :, place, vigil, energy, fire, identify]
             mass = float(before @ row.sum(axis=1))
             if mass > 0:
                 kernel += p * row / mass

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from brp.programs.behavior import behavior
 from khepera_hil.__main__ import main
 from khepera_hil.controllers.watchman import Watchman
 from khepera_hil.errors import WorldError
@@ -126,6 +127,6 @@ def test_draws_that_agree_pass_the_chi_square_and_others_do_not() -> None:
 
 def test_how_often_it_changes_its_mind() -> None:
     """13 a minute with low energy, as printed; lesson 9: 108 entries against 2304."""
-    assert weathercock.changes(weathercock.behavior, "low") == pytest.approx(13.04, abs=0.01)
-    assert weathercock.changes(weathercock.behavior, "high") == pytest.approx(0, abs=1e-9)
+    assert weathercock.changes(behavior, "low") == pytest.approx(13.04, abs=0.01)
+    assert weathercock.changes(behavior, "high") == pytest.approx(0, abs=1e-9)
     assert weathercock.entries() == (108, 2304)

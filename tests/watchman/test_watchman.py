@@ -130,13 +130,9 @@ def test_the_turbine_follows_the_movement_and_rests_at_the_end() -> None:
 def test_orders_are_vigil_and_identify_and_nothing_else() -> None:
     watchman = Watchman()
     assert watchman.order("vigil on") == "vigil is on"
-    assert watchman.vigil
     assert watchman.order("vigil") == "vigil is off"
-    watchman.order("identify")
-    watchman.order("identify")
-    assert watchman.identify
-    watchman.order("identify off")
-    assert watchman.identify is False
+    assert [watchman.order("identify") for _ in range(2)] == ["identify is on"] * 2
+    assert watchman.order("identify off") == "identify is off"
     for words in ("vigil maybe", "sing", "vigil on off", "VIGIL on"):
         with pytest.raises(OrderRefused, match="vigil on"):
             watchman.order(words)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -28,12 +30,12 @@ Belief = dict[tuple[str, str, int], float]
 """Of Behavior, Move and its age."""
 
 
-def likely(table: list[list[Value]], row: int, behavior: str) -> float:
+def likely(table: Sequence[Sequence[object]], row: int, behavior: str) -> float:
     """An entry of tables 3 to 7; an x is an equal share of what its column leaves."""
     column = [line[Behavior.place(behavior)] for line in table]
-    known = sum(float(entry) for entry in column if entry != "x")
+    known = sum(float(str(entry)) for entry in column if entry != "x")
     entry = column[row]
-    return (1 - known) / column.count("x") if entry == "x" else float(entry)
+    return (1 - known) / column.count("x") if entry == "x" else float(str(entry))
 
 
 def page(belief: Belief, evidence: dict[str, Value]) -> Belief:
