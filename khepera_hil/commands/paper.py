@@ -48,7 +48,7 @@ def main(arguments: Sequence[str]) -> int:
         for name in names:
             experiment = EXPERIMENTS[name]
             if name == "watchman" and (asked.hours or asked.nights is not None):
-                experiment = watchman.experiment(asked.hours, asked.nights or 0)
+                experiment = watchman.experiment(asked.hours, asked.nights or 0, asked.record)
             found[name] = _one(experiment, seeds, asked)
     except KeyboardInterrupt:
         print("interrupted: what was measured is kept, the same command goes on from there", file=sys.stderr)
@@ -94,6 +94,7 @@ def _parser() -> Parser:
     add("--first", type=_count, default=1, metavar="SEED", help="the first of them (default: %(default)s)")
     add("--hours", type=number(0, 10_000, "hours"), default=0.0, help="watchman: so long a fair, in three days")
     add("--nights", type=_count, metavar="N", help="watchman: so many short nights")
+    add("--record", type=Path, metavar="DIR", help="watchman: record the fair's days there")
     add("--jobs", type=_count, metavar="N", help="processes at a time (default: one for each core)")
     add("--out", type=Path, default=Path("runs/paper"), metavar="DIR", help="(default: %(default)s)")
     add("--fresh", action="store_true", help="measure anew what was measured before")

@@ -33,19 +33,25 @@ _SHORT = 300.0  # s
 _BASE = (0.18, 0.18)
 
 
-def experiment(hours: float = 0.0, nights: int | None = None) -> Experiment:
-    """``hours`` of the fair in all, and so many short nights (None: one for each seed)."""
+def experiment(hours: float = 0.0, nights: int | None = None, record: Path | None = None) -> Experiment:
+    """``hours`` of the fair in all, and so many short nights (None: one for each seed).
+
+    ``record`` is where the days of the fair are recorded.
+    """
 
     def cases(seeds: Sequence[int]) -> list[Case]:
-        days = [] if hours <= 0 else [_case(seeds[0] + day, hours / DAYS * 3600, "watchman") for day in range(DAYS)]
+        days: list[Case] = []
+        if hours > 0:
+            days = [_case(seeds[0] + day, hours / DAYS * 3600, "watchman", record) for day in range(DAYS)]
         short = range(seeds[0], seeds[0] + nights) if nights is not None else seeds
         return [*days, *(_case(1000 + seed, _SHORT, "furnished") for seed in short)]
 
     return Experiment("watchman", "the night watchman's nights", "10", cases, trial, report)
 
 
-def _case(seed: int, seconds: float, world: str) -> Case:
-    return {"seed": seed, "seconds": seconds, "world": world}
+def _case(seed: int, seconds: float, world: str, record: Path | None = None) -> Case:
+    kept = {} if record is None else {"record": str(record)}
+    return {"seed": seed, "seconds": seconds, "world": world, **kept}
 
 
 def trial(case: Case) -> Result:
@@ -67,7 +73,8 @@ def trial(case: Case) -> Result:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "night.toml"
         path.write_text(plan.text)
-        ran = drive(make, world=world, seed=seed, duration=seconds, watch=watch, scenario=str(path))
+        record = Path(str(case["record"])) if "record" in case else None
+        ran = drive(make, world=world, seed=seed, duration=seconds, watch=watch, record=record, scenario=str(path))
     return {**tallies[0].figures(), "score": dict(ran.score), "hours": seconds / 3600}
 
 
