@@ -56,6 +56,8 @@ class Keeping:
             with contextlib.suppress(FileNotFoundError):  # nothing was recorded then
                 segment_file(self._path, self._oldest).unlink()
             self._oldest += 1
+        while self._past and self._past[0][0].t < tick.t - _BEFORE - 1e-6:
+            self._past.popleft()
         if tick.orders or any(_happened(level, text) for level, text in tick.events):
             self._until = tick.t + _AFTER
             if self._clip is None:
@@ -63,8 +65,6 @@ class Keeping:
                 for before, lost in self._past:
                     self._clip.write(before, lost)
         self._past.append((tick, dropped))
-        while self._past[0][0].t < tick.t - _BEFORE:
-            self._past.popleft()
         if self._clip is not None:
             self._clip.write(tick, dropped)
             if tick.t >= self._until:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pty
 import termios
@@ -19,10 +20,8 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[int, int]]:
     monkeypatch.setattr(os, "tcgetpgrp", lambda descriptor: os.getpgrp())
     yield ours, theirs
     for descriptor in (ours, theirs):
-        try:
+        with contextlib.suppress(OSError):
             os.close(descriptor)
-        except OSError:
-            pass
 
 
 def test_each_key_is_an_order_and_others_are_none(terminal: tuple[int, int]) -> None:
