@@ -25,6 +25,10 @@ from khepera_hil.viewer.states import is_word, states
 __all__ = ["about", "layout"]
 
 TRAIL_SECONDS = 120.0
+
+_MANY_LANES = 4
+"""States beyond which they get the room, and the variables share theirs."""
+
 GROUND = colours.GROUND
 
 
@@ -152,6 +156,9 @@ def _waterfall(panel: Panel) -> rrb.Spatial2DView:
 
 def _series(manifest: Mapping[str, Any]) -> rrb.Vertical:
     variables, words = _variables(manifest.get("evidence") or {}), _states(manifest)
+    lanes = len(states(manifest))
+    if lanes > _MANY_LANES and len(variables) > 1:  # what goes from behavior to behavior is read off its states
+        variables = [rrb.Tabs(*variables, active_tab=0)]
     return rrb.Vertical(
         _plot("/sensors/proximity", "Proximity Px1..Px8: 0 far .. 1023 near", legend=False, span=(0, 1023)),
         _plot("/sensors/light", "Light L1..L8: 511 dark .. 0 bright", legend=False, span=(0, 511)),
@@ -165,7 +172,14 @@ def _series(manifest: Mapping[str, Any]) -> rrb.Vertical:
             active_tab=0,
         ),
         # A lane of states is low; with many of them they need as much room as a plot.
-        row_shares=[1.0, 1.0, *[1.0] * len(variables), *[0.7 + 0.1 * len(states(manifest))] * len(words), 1.0, 0.9],
+        row_shares=[
+            1.0,
+            1.0,
+            *[1.0] * len(variables),
+            *[0.7 + (0.1 if lanes <= _MANY_LANES else 0.3) * lanes] * len(words),
+            1.0,
+            0.9,
+        ],
     )
 
 
