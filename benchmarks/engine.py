@@ -15,11 +15,12 @@ import argparse
 import gc
 import importlib.util
 import json
+import math
 import os
 import platform
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,12 +30,17 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.peers import Model, engines
+from benchmarks.by_hand import of_chain, of_grid
+from benchmarks.peers import Model, drawing, engines
 from benchmarks.watchman import by_hand, network
 from brp import Description, P, Question, Specification, Table, Uniform, Variable
 
 Array = NDArray[np.float64]
 Engine = Callable[..., Array]
+
+PAPER = ("fusion", "out_of_order", "home", "behavior", "watchman")
+COMPARED = 5
+"""So many answers of each engine are compared with brp's before anything is timed."""
 
 WATCHMAN = (
     "einsum, pyagrum and pgmpy get a network of the same meaning: L1..L8 twice, the cases of Vrot by two more "
@@ -149,7 +155,7 @@ def chain(length: int) -> Case:
     X = [Variable(f"X{t}", range(20)) for t in range(length)]
     tables: dict[Any, Array] = {P(X[0]): rng.dirichlet(np.ones(20))}
     tables |= {P(X[t] | X[t - 1]): rng.dirichlet(np.ones(20), size=20).T for t in range(1, length)}
-    return _random(f"chain_{length}", tables, P(X[length // 2] | X[0], X[-1]))
+    return _random(f"chain_{length}", tables, P(X[length // 2] | X[0], X[-1]), of_chain(X, tables))
 
 
 def grid(width: int) -> Case:
@@ -162,12 +168,12 @@ def grid(width: int) -> Case:
             parents = [X[r - 1][c]] * (r > 0) + [X[r][c - 1]] * (c > 0)
             of = rng.dirichlet(np.ones(20), size=(20,) * len(parents))
             tables[P(X[r][c] | parents) if parents else P(X[r][c])] = np.moveaxis(of, -1, 0)
-    return _random(f"grid_{width}", tables, P(X[4][width // 2] | X[0][0], X[7][width - 1]))
+    return _random(f"grid_{width}", tables, P(X[4][width // 2] | X[0][0], X[7][width - 1]), of_grid(X, tables))
 
 
-def _random(name: str, tables: dict[Any, Array], asked: Any) -> Case:
+def _random(name: str, tables: dict[Any, Array], asked: Any, hand: Engine) -> Case:
     description: Description = Specification({t: Table(p) for t, p in tables.items()}, name=name).identify()
-    return Case(name, description.ask(asked), Model(tables))
+    return Case(name, description.ask(asked), Model(tables), hand)
 
 
 def measure(case: Case, seconds: float) -> dict[str, dict[str, float]]:
@@ -183,11 +189,11 @@ def measure(case: Case, seconds: float) -> dict[str, dict[str, float]]:
         able["numpy"] = case.hand
     if case.model is not None:
         able |= engines(case.model, question)
-    told = case.evidence(rng)
-    wanted = ours(**told)
+    compared = [case.evidence(rng) for _ in range(COMPARED)]
     for name in list(able):
         try:
-            np.testing.assert_allclose(able[name](**told), wanted, rtol=1e-9, atol=1e-9)
+            for told in compared:
+                np.testing.assert_allclose(able[name](**told), ours(**told), rtol=1e-9, atol=1e-9)
         except Exception as error:  # noqa: BLE001  (a peer may fail in any way; it is left out, and said so)
             print(f"  {case.name}: {name} is left out: {str(error).strip().splitlines()[0][:90]}")
             del able[name]
@@ -206,42 +212,57 @@ def measure(case: Case, seconds: float) -> dict[str, dict[str, float]]:
                 spent[name] += took
                 if spent[name] >= seconds:
                     break
-    return {
-        name: {"median_us": float(np.median(t)) * 1e6, "p99_us": float(np.percentile(t, 99)) * 1e6}
-        for name, t in times.items()
-    }
+    return {name: _spread(t) for name, t in times.items()}
 
 
-def draws() -> dict[str, dict[str, float]]:
-    """A first draw from a distribution of 36 values, and a later one from the same."""
+def draws() -> dict[str, dict[str, dict[str, float]]]:
+    """A first draw from an answer of 36 values, and a later one from the same answer."""
     from brp import Distribution
 
     rng = np.random.default_rng(2)
     X = Variable("X", range(36))
-    first: list[float] = []
-    later: list[float] = []
+    peers = drawing(X)
+    times: dict[str, dict[str, list[float]]] = {"draw": {}, "draw_again": {}}
+
+    def take(question: str, engine: str, draw: Callable[[], Any]) -> None:
+        start = time.perf_counter()
+        draw()
+        times[question].setdefault(engine, []).append(time.perf_counter() - start)
+
     for _ in range(5000):
-        answer = Distribution((X,), rng.dirichlet(np.ones(36)))
-        for times in (first, [], later):  # the second makes the list that later ones search
-            start = time.perf_counter()
-            answer.draw(rng)
-            times.append(time.perf_counter() - start)
-    return {
-        f"brp, {name}": {"median_us": float(np.median(t)) * 1e6, "p99_us": float(np.percentile(t, 99)) * 1e6}
-        for name, t in (("first", first), ("later", later))
-    }
+        p = rng.dirichlet(np.ones(36))
+        answer = Distribution((X,), p)
+        take("draw", "brp", lambda answer=answer: answer.draw(rng))  # type: ignore[misc]  # a default binds it
+        take("draw", "numpy", lambda p=p: X.values[int(p.cumsum().searchsorted(rng.random(), "right"))])  # type: ignore[misc]
+        for name, of in peers.items():
+            take("draw", name, of(p))
+        answer.draw(rng)  # makes the list that later ones search
+        take("draw_again", "brp", lambda answer=answer: answer.draw(rng))  # type: ignore[misc]
+    return {question: {name: _spread(t) for name, t in of.items()} for question, of in times.items()}
+
+
+def _spread(times: Sequence[float]) -> dict[str, float]:
+    """Median and 99th percentile, in microseconds."""
+    return {"median_us": float(np.median(times)) * 1e6, "p99_us": float(np.percentile(times, 99)) * 1e6}
 
 
 def batch(question: Question) -> dict[str, dict[str, float]]:
-    """A query in a batch of 10 000."""
+    """A query in a batch: of 10 000, or of as many as make an answer of 100 MB."""
     rng = np.random.default_rng(3)
-    rows = {v.keyword: np.array(v.values)[rng.integers(len(v), size=10_000)] for v in question.known}
+    count = min(10_000, 12_500_000 // math.prod(map(len, question.searched)))
+    rows = {
+        v.keyword: rng.dirichlet(np.ones(len(v)), size=count)
+        if v in question.soft
+        else np.array(v.values)[rng.integers(len(v), size=count)]
+        for v in question.known
+    }
+    question.batch(rows)
     times = []
     for _ in range(5):
         start = time.perf_counter()
         question.batch(rows)
-        times.append((time.perf_counter() - start) / 10_000)
-    return {"brp": {"median_us": float(np.median(times)) * 1e6, "p99_us": float(max(times)) * 1e6}}
+        times.append((time.perf_counter() - start) / count)
+    return {"brp": _spread(times)}
 
 
 def main() -> None:
@@ -269,11 +290,12 @@ def main() -> None:
         case = make()
         results[name] = measure(case, asked.seconds)
         _show(name, results[name], f"compiled in {case.compile_ms:.1f} ms; {case.note}".rstrip("; "))
-        if name == "fusion":
-            results["batch_fusion"] = batch(case.question)
-            _show("batch_fusion", results["batch_fusion"], "a query of 10 000 in one call")
-    results["draw_36"] = draws()
-    _show("draw_36", results["draw_36"], "")
+        if name in PAPER:
+            results[f"batch_{name}"] = batch(case.question)
+            _show(f"batch_{name}", results[f"batch_{name}"], "a query in a batch")
+    for name, row in draws().items() if not asked.only or "draw" in asked.only else ():
+        results[name] = row
+        _show(name, row, "of 36 values")
     if asked.json:
         with open(asked.json, "w", encoding="utf-8") as file:
             json.dump(results, file, indent=2)
@@ -281,7 +303,7 @@ def main() -> None:
 
 def _show(name: str, row: dict[str, dict[str, float]], note: str) -> None:
     shown = "   ".join(f"{engine} {t['median_us']:.2f} ({t['p99_us']:.1f})" for engine, t in row.items())
-    print(f"{name:13} {shown}   {note}")
+    print(f"{name:18} {shown}   {note}")
 
 
 if __name__ == "__main__":

@@ -31,7 +31,8 @@ from khepera_hil.budget import plan
 from khepera_hil.clock import SimulatedClock
 from khepera_hil.controllers import PROGRAMS
 from khepera_hil.errors import Implausible, LinkLost, RobotError, RobotReset
-from khepera_hil.faults import BYTE_KINDS, LINE_KINDS, Fault, Faults
+from khepera_hil.faults import Fault, Faults
+from khepera_hil.faultspec import BYTE_KINDS, LINE_KINDS
 from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link
 from khepera_hil.opening import open_port

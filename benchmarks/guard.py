@@ -46,6 +46,9 @@ from khepera_hil.world import World
 
 BAUD = 38400
 STOP = b"D,0,0"
+TAKEN_BACK = 0.05
+"""Seconds within which an order that a service sent as it woke must be taken back, on a busy machine too."""
+
 _TCGETS2 = 0x802C542A
 
 
@@ -179,9 +182,9 @@ def once(how: str, chance: random.Random, options: list[str]) -> dict[str, Any]:
                 count = len(witness.told)
                 began = time.monotonic()
                 os.kill(run.process.pid, signal.SIGKILL if how == "kill" else signal.SIGSTOP)
-                wrong = []
+                wrong, taken_back = list[str](), 0
                 if not witness.serve(lambda: any(line == STOP for _, line in witness.told[count:]), 10.0):
-                    return {"seconds": None, "wrong": ["the wheels were never told to stop"]}
+                    return {"seconds": None, "wrong": ["the wheels were never told to stop"], "taken_back": 0}
                 stopped = next(at for at, line in witness.told[count:] if line == STOP)
                 witness.serve(lambda: False, 0.1)
                 if len([line for at, line in witness.told if at >= stopped and line == STOP]) < 2:
@@ -190,28 +193,31 @@ def once(how: str, chance: random.Random, options: list[str]) -> dict[str, Any]:
                 if any(at > stopped for at, _ in witness.moving()):
                     wrong.append("set in motion again")
                 if how == "hang":
-                    wrong += woken(witness, run, stopped)
+                    more, taken_back = woken(witness, run, stopped)
+                    wrong += more
                     ticks = run.ticks()
-                if not (run.folder / GUARD_LOG).exists():
+                if not witness.serve((run.folder / GUARD_LOG).exists, 5.0):
                     wrong.append("the guard left no line")
-                return {"seconds": stopped - began, "wrong": wrong + kept(witness, ticks)}
+                found = {"seconds": stopped - began, "wrong": wrong + kept(witness, ticks)}
+                return {**found, "taken_back": taken_back}
         finally:
             witness.close()
 
 
-def woken(witness: Witness, run: Run, stopped: float) -> list[str]:
-    """A service that is let go again must end by itself, its wheels at rest."""
+def woken(witness: Witness, run: Run, stopped: float) -> tuple[list[str], int]:
+    """A service that wakes must end by itself, wheels at rest; what is wrong, and how many orders it took back."""
     os.kill(run.process.pid, signal.SIGCONT)
     if not witness.serve(lambda: run.process.poll() is not None, 30.0):
-        return ["it did not end when it was woken"]
+        return ["it did not end when it was woken"], 0
     wrong = [] if run.process.returncode == 7 else [f"it ended with {run.process.returncode}"]
-    # Stopped between its last look at the guard and its write it would send one order, and be stopped a tick later.
-    again = [line for at, line in witness.moving() if at > stopped]
-    if again:
-        wrong.append(f"set in motion again: {again}")
-    if witness.told[-1][1] != STOP:
+    # Held up between its look at the guard and its order it sends that one, sees, and takes it back at once.
+    later = [(at, line) for at, line in witness.told if at > stopped]
+    for (at, line), (after, taken_back) in pairwise(later):
+        if line != STOP and (taken_back != STOP or after - at > TAKEN_BACK):
+            wrong.append(f"set in motion again by {line!r} for {1e3 * (after - at):.0f} ms")
+    if later[-1][1] != STOP:
         wrong.append("the last order was to move")
-    return wrong
+    return wrong, sum(line != STOP for _, line in later)
 
 
 def quiet(seconds: float, options: list[str]) -> dict[str, Any]:
@@ -274,8 +280,10 @@ def _many(how: str, asked: argparse.Namespace, options: list[str]) -> dict[str, 
     chance = random.Random(asked.seed)
     took: list[float] = []
     wrong: list[str] = []
+    taken_back = 0
     for number in range(asked.count):
         done = once(how, chance, options)
+        taken_back += done["taken_back"]
         wrong += [f"run {number}: {text}" for text in done["wrong"]]
         if done["seconds"] is not None:
             took.append(1e3 * done["seconds"])
@@ -286,6 +294,7 @@ def _many(how: str, asked: argparse.Namespace, options: list[str]) -> dict[str, 
         "median_ms": round(statistics.median(took), 2),
         "p90_ms": round(_share(took, 0.9), 2),
         "worst_ms": round(max(took), 2),
+        "orders_taken_back": taken_back,
         "wrong": wrong,
     }
 

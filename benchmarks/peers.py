@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import string
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from brp import Description, Question, Term, Variable
 from brp.expression import node
 from brp.logs import logarithms
+from brp.order import best_order
 
-__all__ = ["Model", "engines"]
+__all__ = ["Model", "drawing", "engines"]
 
 Array = NDArray[np.float64]
 Engine = Callable[..., Array]
@@ -73,6 +74,22 @@ def engines(model: Model, question: Question) -> dict[str, Engine]:
     return able
 
 
+def drawing(variable: Variable) -> dict[str, Callable[[Array], Callable[[], Any]]]:
+    """For each peer that draws, by its own chance: from a table's numbers to what draws from it."""
+    try:
+        gum: Any = import_module("pyagrum")
+    except ImportError:
+        return {}
+    own = gum.RangeVariable(variable.keyword, variable.keyword, 0, len(variable) - 1)
+
+    def pyagrum(p: Array) -> Callable[[], Any]:
+        tensor = gum.Tensor().add(own)
+        tensor[:] = p
+        return lambda: tensor.draw()
+
+    return {"pyagrum": pyagrum}
+
+
 def _told(engine: Engine, copies: Mapping[str, str]) -> Engine:
     """The engine, the copies told what their originals are."""
     if not copies:
@@ -86,7 +103,7 @@ def _einsum(model: Model, question: Question) -> Engine:
     hard = [v for v in question.known if v not in question.soft]
     free = list(dict.fromkeys(v for term in terms for v in term.variables if v not in hard))
     if len(free) > len(string.ascii_letters):
-        raise ValueError(f"{len(free)} variables are more than it has letters")
+        return _einsum_by_variable(terms, question, hard)
     letter = dict(zip(free, string.ascii_letters, strict=False))
     operands: list[tuple[Array, list[tuple[str, Mapping[Any, int]]]]] = []
     inputs: list[str] = []
@@ -116,6 +133,43 @@ def _einsum(model: Model, question: Question) -> Engine:
         p: Array = np.einsum(subscripts, *rows, *[told[k] for k in soft], optimize=path)
         p /= p.sum()
         return p
+
+    return ask
+
+
+def _einsum_by_variable(terms: Mapping[Term, Array], question: Question, hard: Sequence[Variable]) -> Engine:
+    """More variables than it has letters: a contraction for each that is summed, in an order found once."""
+    if question.soft:
+        raise ValueError("soft evidence on so many variables")
+    known = [(v.keyword, v.places) for v in hard]
+    operands: list[tuple[Array, list[int]]] = []
+    pool: dict[int, tuple[Variable, ...]] = {}
+    for term, table in terms.items():
+        told = [v for v in term.variables if v in hard]
+        left = tuple(v for v in term.variables if v not in hard)
+        if left:
+            order = [term.variables.index(v) for v in (*told, *left)]
+            pool[len(operands)] = left
+            operands.append((np.ascontiguousarray(table.transpose(order)), [hard.index(v) for v in told]))
+    unknown = [v for v in dict.fromkeys(v for left in pool.values() for v in left) if v not in question.searched]
+    steps: list[tuple[str, list[int]]] = []
+    for variable in [*best_order([frozenset(left) for left in pool.values()], unknown), None]:
+        bucket = [k for k, left in pool.items() if variable is None or variable in left]
+        free = list(dict.fromkeys(v for k in bucket for v in pool[k]))
+        letter = dict(zip(free, string.ascii_letters, strict=False))
+        made = tuple(v for v in free if v != variable) if variable is not None else question.searched
+        subscripts = ",".join("".join(letter[v] for v in pool.pop(k)) for k in bucket)
+        steps.append((f"{subscripts}->{''.join(letter[v] for v in made)}", bucket))
+        pool[len(operands) + len(steps) - 1] = made
+
+    def ask(**told: Any) -> Array:
+        places = [steps[told[k]] for k, steps in known]
+        made: list[Array] = [table[tuple([places[k] for k in of])] for table, of in operands]
+        for subscripts, bucket in steps:
+            made.append(np.einsum(subscripts, *[made[k] for k in bucket]))
+        p = made[-1]
+        answer: Array = p / p.sum()
+        return answer
 
     return ask
 

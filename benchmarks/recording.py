@@ -27,7 +27,7 @@ from khepera_hil.follower import Follower
 from khepera_hil.reading import find
 from khepera_hil.recording import Recording, Tick
 from khepera_hil.replay import replay
-from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, files, open_file
+from khepera_hil.viewer import FILE, PIECE, ROWS_FAST, ROWS_WALL, files, open_file
 from khepera_hil.viewer.live import address, open_live
 from tests.recording import synthetic
 
@@ -75,12 +75,12 @@ def main(count: int = 1000) -> None:
         _again(runs)
 
 
-def long(hours: int) -> None:
-    """Print memory and bytes while so many hours of ticks are written, hour by hour."""
+def long(hours: int, minutes: float) -> None:
+    """Print memory and bytes while so many hours of ticks are written, hour by hour, ``minutes`` to a file."""
     print(f"{'hours':>6}{'RSS MB':>10}{'log MB':>10}{'rrd MB':>10}{'CPU s':>10}")
     with tempfile.TemporaryDirectory() as runs:
         recording = _recording(runs)
-        file = open_file(recording.folder / FILE, recording.manifest, rows=ROWS_WALL)
+        file = open_file(recording.folder / FILE, recording.manifest, rows=ROWS_WALL, seconds=60 * minutes)
         follower = Follower(file, name=FILE, waits=True)
         recording.follow(follower)
         freed = 0.0
@@ -135,8 +135,9 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--ticks", type=int, default=1000)
     parser.add_argument("--hours", type=int)
+    parser.add_argument("--minutes", type=float, default=PIECE / 60, help="to a file, with --hours")
     asked = parser.parse_args()
     if asked.hours is None:
         main(asked.ticks)
     else:
-        long(asked.hours)
+        long(asked.hours, asked.minutes)

@@ -42,6 +42,7 @@ from brp.nearest import Nearest
 from brp.propositions import Proposition
 from brp.question import Question
 from brp.sampling import Estimate, Sampling
+from brp.store import load, load_data, save, save_data
 from brp.variables import P, Term, Value, Variable
 
 __all__ = [
@@ -84,5 +85,9 @@ __all__ = [
     "Value",
     "Variable",
     "identify_hidden",
+    "load",
+    "load_data",
+    "save",
+    "save_data",
     "tree",
 ]

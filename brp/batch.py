@@ -28,6 +28,9 @@ def columns(signature: Signature, told: Mapping[str, Any]) -> tuple[int, Evidenc
     named = {v.keyword: v for v in signature.known}
     if named.keys() != told.keys():
         signature.read(told)  # says which is missing, or superfluous
+    for keyword, column in told.items():
+        if isinstance(column, str) or not hasattr(column, "__len__"):
+            raise EvidenceError(f"{keyword} in a batch was told {column!r}, and wants a column of values")
     lengths = {keyword: len(column) for keyword, column in told.items()}
     if len(set(lengths.values())) > 1:
         raise EvidenceError(f"the columns of a batch are of different lengths: {lengths}")
@@ -38,7 +41,7 @@ def columns(signature: Signature, told: Mapping[str, Any]) -> tuple[int, Evidenc
     for keyword, column in told.items():
         variable = named[keyword]
         if variable in signature.soft:
-            weights[variable] = np.stack([weigh(variable, said) for said in column]) if len(column) else None
+            weights[variable] = _weights(variable, column)
         else:
             places[variable] = _places(variable, column)
     return next(iter(lengths.values())), Evidence(places, weights)
@@ -54,7 +57,25 @@ def _places(variable: Variable, column: Sequence[Any]) -> NDArray[np.intp]:
             row = int(wrong[0])
             raise NotAValue(f"row {row}: {variable} = {given[row]} is not one of its values ({variable.domain})")
         return places.astype(np.intp)
-    return np.fromiter((variable.place(value) for value in given.tolist()), dtype=np.intp, count=len(given))
+    listed = given.tolist()
+    try:
+        return np.fromiter(map(variable.places.__getitem__, listed), dtype=np.intp, count=len(given))
+    except (KeyError, TypeError):
+        return np.fromiter(map(variable.place, listed), dtype=np.intp, count=len(given))  # says which is none
+
+
+def _weights(variable: Variable, column: Any) -> NDArray[np.float64]:
+    """The weights of all rows; those that are plainly in order are taken together."""
+    if (
+        isinstance(column, np.ndarray)
+        and column.dtype == np.float64
+        and column.shape == (len(column), len(variable))
+    ):
+        totals = column.sum(axis=1)
+        if (column >= 0).all() and (totals > 1e-9).all() and (totals < 1e9).all():
+            return column
+    each = [weigh(variable, said) for said in column]
+    return np.stack(each) if each else np.empty((0, len(variable)))
 
 
 def answered(

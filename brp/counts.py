@@ -16,7 +16,7 @@ from brp.errors import SpecificationError, Unidentified
 from brp.factors import Density, Factor
 from brp.forms import Form
 from brp.nearest import Nearest, nearest
-from brp.samples import Samples, weighed
+from brp.samples import Samples, empty, weighed
 from brp.variables import Term, Variable, cells
 
 __all__ = ["Counted", "Counting", "Histogram", "Laplace"]
@@ -38,7 +38,7 @@ class Counting(Form):
 
     def identify(self, term: Term, samples: Samples) -> Counted:
         """How often each value was observed with each combination of what is given."""
-        counts = np.zeros((self.size(term), *map(len, term.given)))
+        counts = empty(term, self.size(term))
         return Counted(self, counts).learn(term, samples)
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:

@@ -12,7 +12,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from brp.errors import DataError, SpecificationError
+from brp.errors import DataError, QuestionError, SpecificationError
 from brp.factors import Factor
 from brp.forms import Form
 from brp.question import LARGEST, Question
@@ -131,6 +131,8 @@ class Description:
         variable that is not in the description, `TooLarge` when an array would pass ``largest`` bytes, and
         `Unidentified` when a free form that the question needs has met no data.
         """
+        if not isinstance(term, Term):
+            raise QuestionError(f"{self} is asked {term!r}, and wants a term: P(Searched | Known)")
         softly = (soft,) if isinstance(soft, Variable) else tuple(soft)
         key = (term, softly, largest)
         if key not in self._questions:
@@ -160,6 +162,9 @@ class Description:
     def _with(self, datum: Mapping[str, Any], weight: float) -> Description:
         needed = [v for v in self.variables if any(v in t.variables for t, f in self._forms.items() if f.learns)]
         names = {key for v in needed for key in (v.name, v.keyword)}
+        missing = [v for v in needed if v.name not in datum and v.keyword not in datum]
+        if missing:
+            raise DataError(f"the datum has no column for {text(missing)}")
         read = Samples.of([{name: value for name, value in datum.items() if name in names}], needed, [weight])
         forms = {term: form.learn(term, read) if form.learns else form for term, form in self._forms.items()}
         following = Description(self.specification, forms, self.name)

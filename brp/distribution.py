@@ -51,6 +51,8 @@ class Distribution:
         The values share [0, 1) in their order, each a stretch as long as its probability: one of probability zero
         has none and is never returned.
         """
+        if not 0 <= u < 1:
+            raise QuestionError(f"{u} is no uniform number: it must be in [0, 1)")
         sums = self._sums
         if sums is None:
             sums = self._sums = np.add.accumulate(self.p if self.p.ndim == 1 else self.p.ravel())
@@ -110,6 +112,8 @@ class Distribution:
         for variable in variables:
             if variable not in self.variables:
                 raise QuestionError(f"{variable} is not among what was searched ({text(self.variables)})")
+        if len(set(variables)) < len(variables):
+            raise QuestionError(f"{text(variables)} has a variable twice")
         if variables == self.variables:
             return self
         kept = [self.variables.index(variable) for variable in variables]

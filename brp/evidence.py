@@ -78,7 +78,10 @@ def weigh(variable: Variable, said: Any) -> NDArray[np.float64]:
     elif isinstance(said, Mapping):
         weights = np.zeros(len(variable))
         for value, weight in said.items():
-            weights[variable.place(value)] = weight
+            try:
+                weights[variable.place(value)] = weight
+            except (TypeError, ValueError):
+                raise NotAValue(f"{variable} was told {weight!r} of {value}, which is no weight") from None
     elif isinstance(said, str) or not hasattr(said, "__len__"):
         weights = np.zeros(len(variable))
         weights[variable.place(said)] = 1

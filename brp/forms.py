@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from brp.errors import SpecificationError
 from brp.factors import Cases, Density, Factor, Flat
 from brp.functions import Function, tabulate
-from brp.samples import Samples
+from brp.samples import LARGEST, Samples
 from brp.variables import Term, Value, Variable, cells
 
 __all__ = ["Dirac", "Form", "Sigmoid", "Switch", "Table", "Uniform"]
@@ -84,6 +85,8 @@ class Table(Form):
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
         """The table's logarithms."""
         given = term.given
+        if not isinstance(self.table, np.ndarray) and cells(term.variables) > LARGEST and not callable(self.table):
+            raise SpecificationError(f"the table of {term} would have {cells(term.variables)} numbers")
         if callable(self.table):
             used, p = tabulate(self.table, term.variables, f"the table of {term}")
             given = tuple(v for v in term.given if v in used)
@@ -123,6 +126,8 @@ class Sigmoid(Form):
         """Both logarithms from the exponent, so that neither tail is lost."""
         if len(term.of) != 1 or len(term.of[0]) != 2 or len(term.given) != 1:
             raise SpecificationError(f"a Sigmoid is P(X | Y) for an X of two values and one Y, and not {term}")
+        if not (isfinite(self.alpha) and isfinite(self.beta)):
+            raise SpecificationError(f"the Sigmoid of {term} has an alpha or a beta that is no number")
         (of,), (given,) = term.of, term.given
         exponent = 4 * self.beta * (given.numbers - self.alpha)
         logs = np.empty((2, len(given)))
@@ -151,6 +156,8 @@ class Dirac(Form):
             used, rows = function.used, list(function.rows())
         else:
             used, rows = (), [self.value]
+        if len(term.of) > 1 and not all(isinstance(row, tuple) and len(row) == len(term.of) for row in rows):
+            raise SpecificationError(f"the Dirac of {term} wants a tuple of {len(term.of)} values")
         places: list[NDArray[np.intp]] = []
         for axis, variable in enumerate(term.of):
             column = [row if len(term.of) == 1 else row[axis] for row in rows]
@@ -180,6 +187,8 @@ class Switch(Form):
         self.cases = dict(cases)
         self._forms: dict[int, Form] = {}
         for key, form in self.cases.items():
+            if not isinstance(form, Form):
+                raise SpecificationError(f"the Switch on {variable} has {form!r} for {key}, which is no form")
             for value in key if isinstance(key, tuple) else (key,):
                 place = variable.place(value)
                 if place in self._forms:

@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brp.errors import SpecificationError
-from brp.variables import Variable, text
+from brp.variables import Variable, cells, text
 
 __all__ = ["Function", "tabulate"]
+
+CALLS = 5_000_000
+"""A function is called for no more combinations of values than this, which takes seconds."""
 
 
 class Function:
@@ -25,6 +28,7 @@ class Function:
 
     def __init__(self, function: Callable[..., Any], variables: tuple[Variable, ...], what: str) -> None:
         self.function = function
+        self.what = what
         known = {variable.keyword: variable for variable in variables}
         wanted: set[Variable] = set()
         for name, parameter in inspect.signature(function).parameters.items():
@@ -35,12 +39,22 @@ class Function:
                     f"{what} is a function of {name!r}; it may use {text(variables) or 'nothing'}"
                 )
         self.used = tuple(variable for variable in variables if variable in wanted)
+        if cells(self.used) > CALLS:
+            raise SpecificationError(
+                f"{what} would be called for the {cells(self.used)} combinations of {text(self.used)}, more than "
+                f"{CALLS}; let it use fewer of them, or write an array"
+            )
 
     def rows(self) -> Iterator[Any]:
         """What it returns for every combination of values, the last variable running fastest."""
         names = [variable.keyword for variable in self.used]
         for values in product(*(variable.values for variable in self.used)):
-            yield self.function(**dict(zip(names, values, strict=True)))
+            try:
+                yield self.function(**dict(zip(names, values, strict=True)))
+            except Exception as error:
+                said = ", ".join(f"{v} = {value}" for v, value in zip(self.used, values, strict=True))
+                error.add_note(f"in {self.what}, for {said}")
+                raise
 
 
 def tabulate(

@@ -20,7 +20,7 @@ from brp.factors import Density, Factor
 from brp.forms import Form
 from brp.functions import tabulate
 from brp.nearest import Nearest, nearest
-from brp.samples import Samples, weighed
+from brp.samples import Samples, empty, weighed
 from brp.variables import Term, Variable
 
 __all__ = ["Gaussian", "Nearest", "Prior", "Taught"]
@@ -76,7 +76,7 @@ class Gaussian(Form):
         if self.mean is not None:
             return self
         _only(term)
-        nothing = np.zeros(tuple(map(len, term.given)))
+        nothing = empty(term)
         return Taught(self, nothing, nothing, nothing).learn(term, samples)
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:

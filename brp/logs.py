@@ -7,6 +7,7 @@ plan comes here when its own numbers get too small to be trusted, and to fill th
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,12 @@ from numpy.typing import NDArray
 
 from brp.expression import Conditional, Leaf, Node, Otherwise, Product, Slice, Soft, Split, Sum, climb, postorder
 from brp.factors import Density
-from brp.variables import Variable
+from brp.variables import Variable, cells
 
 __all__ = ["logarithms"]
+
+BLOCK = 2_000_000
+"""A product of more numbers than this is not made before it is summed."""
 
 Logs = NDArray[np.float64]
 Part = tuple[tuple[Variable, ...], Logs]
@@ -60,6 +64,12 @@ def logarithms(
             for branch in split.children:
                 branches.append(_sum((yield (branch,)), rest))
             part = _total(branches)
+        elif isinstance(here, Sum) and isinstance(here.children[0], Product):
+            parts = []
+            for child in here.children[0].children:
+                parts.append((yield (child,)))
+            blocks = cells(_union(parts)) > BLOCK
+            part = _by_blocks(parts, here.variables) if blocks else _sum(_product(parts), here.variables)
         elif isinstance(here, Sum):
             part = _sum((yield (here.children[0],)), here.variables)
         elif isinstance(here, Split):
@@ -133,6 +143,22 @@ def logarithms(
             zero = np.logical_or.reduce(np.broadcast_arrays(*(np.isneginf(logs) for logs in spread)))
             total = np.where(zero, -np.inf, total)
         return axes, total
+
+    def _by_blocks(parts: Sequence[Part], variables: Sequence[Variable]) -> Part:
+        """The sum of a product that is too large to be made: one value of what is summed after the other."""
+        axes = _union(parts)
+        summed = [v for v in axes if v in variables]
+        left = tuple(v for v in axes if v not in variables)
+        total: Logs = np.full(tuple(map(len, left)), -np.inf)
+        for at in product(*(range(len(v)) for v in summed)):
+            fixed = dict(zip(summed, at, strict=True))
+            block = _product(
+                [(tuple(v for v in has if v not in fixed), logs[tuple(fixed.get(v, slice(None)) for v in has)])
+                 for has, logs in parts]
+            )  # fmt: skip
+            with np.errstate(invalid="ignore"):
+                total = np.logaddexp(total, _spread(block, left))
+        return left, total + float(np.log([len(v) for v in variables if v not in axes]).sum())
 
     def _total(parts: Sequence[Part]) -> Part:
         axes = _union(parts)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brp.batch import answered, columns
+from brp.batch import columns
 from brp.distribution import Distribution
 from brp.errors import EvidenceError, ImpossibleEvidence, QuestionError, TooLarge
 from brp.evidence import Evidence, Signature
@@ -19,11 +19,13 @@ from brp.forms import Form
 from brp.formula import formula
 from brp.hierarchy import hierarchy
 from brp.logs import logarithms
-from brp.plan import Sizes, compiled, probabilities
+from brp.plan import compiled, probabilities
 from brp.propositions import Proposition
 from brp.renewal import Plan, renewed
+from brp.rows import Rows
 from brp.simplification import Simplified, simplify
 from brp.subroutine import Renamed, subroutine
+from brp.tables import Sizes
 from brp.variables import Term, Variable, text
 
 if TYPE_CHECKING:
@@ -86,6 +88,7 @@ class Question(Form):
             )
         self._shape = tuple(map(len, self.searched))
         self._table: NDArray[np.float64] | None = None
+        self._rows: Rows | None = None
         self._hard = tuple(v for v in self.known if v not in soft) if soft else self.known
         sizes = Sizes(self.start)
         if sizes.folds(self.start):
@@ -122,7 +125,7 @@ class Question(Form):
         right = [f"(soft {v})" if v in self.soft else str(v) for v in self.known]
         return f"P({text(self.searched)} | {text([*right, *self.names])})"
 
-    def __call__(self, **known: Any) -> Distribution:
+    def __call__(self, /, **known: Any) -> Distribution:
         """The distribution over the searched variables, the known ones having these values.
 
         Raises `NotAValue` or `EvidenceError` for evidence that does not fit, `ImpossibleEvidence` when it has
@@ -233,7 +236,9 @@ class Question(Form):
                 cell += evidence.places[v] * stride
             answers = self._table[cell]
         else:
-            answers = answered(self.start, self.searched, count, evidence, self.simplified.largest)
+            if self._rows is None:
+                self._rows = Rows(self.start, self._hard, self.searched, self.soft, self.simplified.largest)
+            answers = self._rows.answer(count, evidence)
         flat = answers.reshape(count, int(np.prod(self._shape)))
         wrong = np.flatnonzero(np.logical_or.reduce(np.isnan(flat), axis=1))
         if len(wrong):
@@ -251,7 +256,7 @@ class Question(Form):
         """
         return self(**known).probability(proposition, given)
 
-    def explain(self, value: Any, **known: Any) -> Explanation:
+    def explain(self, value: Any, /, **known: Any) -> Explanation:
         """What each term says for or against a value, the known ones being these: see `Contribution`."""
         p = self(**known)
         here, evidence = p[value], self.signature.read(known)
@@ -270,7 +275,7 @@ class Question(Form):
         contributions.sort(key=lambda c: -abs(c.bits))
         return Explanation(self.name, value, here, tuple(contributions))
 
-    def possible(self, **known: Any) -> bool:
+    def possible(self, /, **known: Any) -> bool:
         """Whether these known values have a probability above zero, so that no rule is needed to answer."""
         return not np.isnan(self._logarithms(self.simplified.start, self.signature.read(known))).any()
 

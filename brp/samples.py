@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from math import prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brp.errors import DataError
-from brp.variables import Term, Variable
+from brp.errors import DataError, SpecificationError
+from brp.variables import Term, Variable, cells
 
-__all__ = ["Data", "Samples", "weighed"]
+__all__ = ["Data", "Samples", "empty", "weighed"]
+
+LARGEST = 32_000_000
+"""The most numbers that are kept for one term."""
 
 Data = Mapping[str, Any] | Iterable[Mapping[str, Any]]
 """Columns (a mapping from a variable's name to all its values) or rows (a mapping for each datum)."""
@@ -67,6 +71,16 @@ class Samples:
         """Those samples in which ``variable`` was at one of these places."""
         kept = np.isin(self[variable], values)
         return Samples({v: column[kept] for v, column in self.places.items()}, int(kept.sum()), self.weights[kept])
+
+
+def empty(term: Term, *first: int) -> NDArray[np.float64]:
+    """Sums of no samples yet: zeros, an axis for each given variable behind those of the lengths ``first``."""
+    numbers = prod(first) * cells(term.given)
+    if numbers > LARGEST:
+        raise SpecificationError(
+            f"{term} would keep {numbers} numbers, more than {LARGEST}: give it fewer variables, or fewer values"
+        )
+    return np.zeros((*first, *map(len, term.given)))
 
 
 def weighed(

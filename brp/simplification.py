@@ -15,10 +15,10 @@ For P(Searched | Known), over the product of the decomposition's terms [E3.11]:
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+from brp.contraction import layout
 from brp.expression import (
     Conditional,
     Leaf,
@@ -35,6 +35,7 @@ from brp.expression import (
 )
 from brp.factors import Cases, Factor, Flat
 from brp.formula import report
+from brp.order import best_order, together
 from brp.variables import Variable, cells
 
 __all__ = ["Simplified", "simplify"]
@@ -285,42 +286,35 @@ def _left(n: Node) -> frozenset[Variable]:
 
 
 def _sum_out(nodes: Sequence[Node], unknown: Sequence[Variable], account: Account) -> list[Node]:
-    """Step 5: sum over ``unknown``, each time the variable whose product is smallest."""
+    """Step 5: sum over ``unknown``, one variable after the other."""
     pool: dict[int, Node] = dict(enumerate(nodes))
     users: dict[Variable, set[int]] = {v: set() for v in unknown}
     for k, n in pool.items():
         for v in users.keys() & n.scope:
             users[v].add(k)
-    rank = {v: number for number, v in enumerate(unknown)}
-    size: dict[Variable, int] = {}
-
-    def weigh(variable: Variable) -> int:
-        scope: frozenset[Variable] = frozenset().union(*(pool[k].scope for k in users[variable]))
-        size[variable] = cells(scope)
-        return size[variable]
-
-    heap = [(weigh(v), rank[v], v) for v in unknown]
-    heapq.heapify(heap)
     number = len(pool)
-    while heap:
-        weight, _, variable = heapq.heappop(heap)
-        if variable not in users or weight != size[variable]:
-            continue
+    for variable in best_order([n.scope for n in nodes], unknown):
         bucket = sorted(users.pop(variable))
         factors = [pool.pop(k) for k in bucket]
         made = _sum(factors, variable)
         account.order.append(variable)
-        account.operations += weight
-        account.largest = max(account.largest, cells(made.scope))
+        account.operations += cells(frozenset().union(*[f.scope for f in factors]))
+        account.largest = max(account.largest, cells(made.scope), _multiplied(made))
         pool[number] = made
-        near = {v for v in made.scope if v in users}
-        for v in near:
-            users[v].difference_update(bucket)
-            users[v].add(number)
-        for v in sorted(near, key=rank.__getitem__):
-            heapq.heappush(heap, (weigh(v), rank[v], v))
+        for v in made.scope:
+            if v in users:
+                users[v].difference_update(bucket)
+                users[v].add(number)
         number += 1
     return [pool[k] for k in sorted(pool)]
+
+
+def _multiplied(made: Sum) -> int:
+    """The size of the product that is made before it is summed: of all factors but the one it is matched with."""
+    members = made.children[0].children if isinstance(made.children[0], Product) else made.children
+    plan = layout(members, made.variables, tuple(made.scope), lambda n: n.scope)
+    multiplied = members if plan is None else plan.left
+    return cells(frozenset().union(*[n.scope for n in multiplied])) if len(multiplied) > 1 else 1
 
 
 def _sum(factors: Sequence[Node], variable: Variable) -> Sum:
@@ -334,5 +328,7 @@ def _sum(factors: Sequence[Node], variable: Variable) -> Sum:
             others = [f for f in factors if f is not inner]
             if others and not isinstance(product, Split) and all(f.scope <= product.scope for f in others):
                 members = product.children if isinstance(product, Product) else (product,)
-                return Sum((*inner.variables, variable), Product((*members, *others)))
+                result = inner.scope.union(*[f.scope for f in others]).difference((variable,))
+                if together([m.scope for m in members], [f.scope for f in others], inner.scope, result):
+                    return Sum((*inner.variables, variable), Product((*members, *others)))
     return Sum((variable,), factors[0] if len(factors) == 1 else Product(tuple(factors)))

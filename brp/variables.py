@@ -13,6 +13,7 @@ import keyword
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -258,5 +259,7 @@ def _sequence(values: Iterable[Value]) -> Sequence[Value]:
 
 def _plain(value: Any) -> Value:
     """A number of numpy's becomes Python's, so that what is drawn can be printed and written as JSON."""
-    plain: Value = value.item() if isinstance(value, np.generic) else value
+    plain = value.item() if isinstance(value, np.generic) else value
+    if not isinstance(plain, int | float | str) or (isinstance(plain, float) and not isfinite(plain)):
+        raise TermError(f"{plain!r} is no value for a variable: a value is a number, a truth or a word")
     return plain

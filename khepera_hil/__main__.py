@@ -6,6 +6,7 @@ user got wrong, and what went wrong with the robot, ends here as one sentence on
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import threading
@@ -18,6 +19,8 @@ __all__ = ["main", "outcome"]
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The console script; returns the exit code (0, or the error's own, see ``errors``)."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a folder's name, or a terminal, may be of any alphabet
     code = outcome(sys.argv[1:] if arguments is None else arguments)
     if any(thread.name.startswith("follower of") for thread in threading.enumerate()):
         # A sink hangs, and said so; what it holds would keep the interpreter from ending.

@@ -76,7 +76,8 @@ def plan(program: str, needs: Iterable[str | Need], *, baud: int, period: float,
         ways.append("no --verify")
     parts = [_figures(need, baud, verify) for need in (*asked, SPEEDS, Need("D"))]
     raise WireTooSlow(
-        f"{program} needs {found.worst * 1000:.0f} ms a tick at {baud} baud ({', '.join(parts)}), more than the "
+        f"{program} needs {found.worst * 1000:.0f} ms a tick at {baud} baud{' with --verify' if verify else ''} "
+        f"({', '.join(parts)}), more than the "
         f"{_room(period) * 1000:.0f} ms that a period of {period * 1000:g} ms leaves for the wire: "
         f"use {_either(ways)}"
     )

@@ -1,16 +1,17 @@
 """What can be found out about a robot, its line and this computer without moving a wheel.
 
 Each function asks the robot for something and returns plain values; what they mean to the user is said by
-``commands.check``. All of them may raise what :meth:`Link.ask <khepera_hil.link.Link.ask>` raises.
+``commands.check``. What the line does not carry is counted, or missing; all of them raise LinkLost only.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from khepera_hil.budget import RESERVE, needed
-from khepera_hil.errors import Refused, RobotError
+from khepera_hil.errors import RobotError
 from khepera_hil.khepera import Khepera
 from khepera_hil.perception import Need
 from khepera_hil.protocol import BAUD_RATES, COMMANDS
@@ -57,8 +58,7 @@ def round_trips(khepera: Khepera, each: int) -> dict[str, RoundTrips]:
     clock = khepera.link.clock
     for _ in range(each):
         for letter, trips in found.items():
-            if not khepera.link.synchronised:
-                khepera.link.resynchronise()
+            _bring_back(khepera)
             began = clock.now()
             trips.asked += 1
             try:
@@ -78,6 +78,7 @@ def watch(khepera: Khepera, period: float, seconds: float) -> Watch:
         found.missed += beat.missed
         found.late.add(beat.late)
         found.latest = max(found.latest, beat.late)
+        _bring_back(khepera)
         try:
             proximity, light = khepera.proximity(), khepera.light()
         except RobotError:
@@ -92,6 +93,7 @@ def turrets(khepera: Khepera) -> dict[int, str]:
     """The turrets that answer when they are asked for their version: number, and what they answered."""
     found = {}
     for number in TURRETS:
+        _bring_back(khepera)
         try:
             _, answer = khepera.link.ask("T", number, "B")
         except RobotError:  # refused by a robot without it; some say nothing at all
@@ -101,14 +103,20 @@ def turrets(khepera: Khepera) -> dict[int, str]:
 
 
 def inputs(khepera: Khepera) -> dict[int, int]:
-    """The A/D inputs (command I) by channel, 4 mV a count; none where the robot refuses the command."""
+    """The A/D inputs (command I) by channel, 4 mV a count; those that could be read."""
     found: dict[int, int] = {}
     for channel in range(COMMANDS["I"].request[0].high + 1):
-        try:
+        _bring_back(khepera)
+        with contextlib.suppress(RobotError):
             found[channel] = int(khepera.link.ask("I", channel)[0])
-        except Refused:
-            break
     return found
+
+
+def _bring_back(khepera: Khepera) -> None:
+    """Find the robot again after trouble, so that one bad answer does not count as two; also when it was reset."""
+    if not khepera.link.synchronised:
+        with contextlib.suppress(RobotError):
+            khepera.link.begin()
 
 
 def budgets(

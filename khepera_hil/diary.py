@@ -26,10 +26,10 @@ _MOVED = 1e-6  # m or rad
 class Diary:
     """Keeps the log of ``world`` in the file ``path``, behind what is there already; ``about`` is the start's.
 
-    A line has ``t`` (s since power-up), ``pose`` (x m, y m, theta rad, the true ones), and where there are any
-    ``requests`` (the lines that the robot took up, ``more`` if not all are told), ``moved`` (movable things whose
-    pose changed, by name) and ``faults`` (what was done to the line: when, bytes to whom, which kind, to what). A
-    full disk ends the log, not the robot: ``complain`` is told once.
+    A line has ``t`` (s since power-up), ``pose`` (x m, y m, theta rad, the true ones), ``charge`` (of the battery,
+    0..1), and where there are any ``requests`` (the lines that the robot took up, ``more`` if not all are told),
+    ``moved`` (movable things whose pose changed, by name) and ``faults`` (what was done to the line: when, bytes to
+    whom, which kind, to what). A full disk ends the log, not the robot: ``complain`` is told once.
 
     Raises RecordingError when the file cannot be opened.
     """
@@ -39,7 +39,9 @@ class Diary:
     ) -> None:
         self._path, self._world, self._complain = path, world, complain
         try:
-            self._file: int | None = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+            # A pipe that nobody reads is refused, and one that is full ends the log: nothing here waits.
+            flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NONBLOCK
+            self._file: int | None = os.open(path, flags, 0o644)
         except OSError as error:
             raise RecordingError(f"the log {path} cannot be written: {error.strerror}") from None
         self._broken = False
@@ -87,7 +89,8 @@ class Diary:
         if not moved and not self._requests and not self._faults:
             return
         self._poses = poses
-        line: dict[str, Any] = {"t": round(now, 3), "pose": _rounded(poses["robot"])}
+        charge = round(self._world.battery.charge, 4)
+        line: dict[str, Any] = {"t": round(now, 3), "pose": _rounded(poses["robot"]), "charge": charge}
         if self._requests:
             line["requests"] = self._requests
         if self._faults:

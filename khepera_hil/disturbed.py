@@ -6,14 +6,18 @@ from typing import Any
 
 from khepera_hil.emulator import Emulator
 from khepera_hil.faults import Faults
-from khepera_hil.world import World
+from khepera_hil.world import LinkFault, World
 
 __all__ = ["Disturbed"]
+
+
+_KINDS = {"lost": "drop", "garbled": "flip", "silent": "drop"}  # a scenario's words for what happens to bytes
 
 
 class Disturbed(Emulator):
     """An emulator whose bytes pass ``faults`` both ways; otherwise as :class:`~khepera_hil.emulator.Emulator`.
 
+    The world's scenario may have troubles of the line too; they are put to ``faults`` when their time comes.
     That a line is unplugged is not to be seen from bytes alone: who carries them asks :meth:`unplugged`.
     """
 
@@ -33,6 +37,12 @@ class Disturbed(Emulator):
         super().transmitted(now)
         self._unpluggings = self.faults.unpluggings
         return True
+
+    def advance(self, now: float) -> None:
+        """Let everything happen that happens until ``now``, and the world's own troubles of the line begin."""
+        super().advance(now)
+        for event in self.world.due(LinkFault):
+            self.faults.trouble(_KINDS[event.fault], event.share, event.at, event.at + event.lasts)
 
     def receive(self, data: bytes, now: float) -> None:
         """The host puts ``data`` on the wire, behind what it has not sent yet."""

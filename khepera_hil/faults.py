@@ -2,59 +2,21 @@
 
 No I/O, no thread, no clock: bytes and the time go in, bytes come out, when they are due. So the same injector
 stands in simulated time (inside ``emulator://``) and in wall time (behind a pseudo-terminal). What it does depends
-on the seed and on the bytes alone, not on the lumps in which they come.
-
-A specification is a list such as ``flip=1e-3,late=0.01:0.08,host.lose=0.005,disconnect@30+5``:
-
-    KIND=RATE              for each byte or each line with this probability
-    KIND=RATE:SECONDS      lasting about so long (late, stall, disconnect)
-    KIND@TIME+SECONDS      once, so many seconds after the line was opened; +SECONDS may be left out
-    KIND@TIME+SECONDS/P    and again every P seconds
-    robot. or host.        before a kind: only on the way to the one; otherwise on both
-    seed=N                 chance of its own; otherwise it comes with the run's
+on the seed and on the bytes alone, not on the lumps in which they come. ``faultspec`` says what can be asked for.
 """
 
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from khepera_hil.errors import UsageError
+from khepera_hil.faultspec import BYTE_KINDS, LINE_KINDS, WAYS, Rule, Specification
 
-__all__ = ["BOOT_TEXT", "BYTE_KINDS", "GROUPS", "KINDS", "LINE_KINDS", "Fault", "Faults", "Rule", "Specification"]
-
-BYTE_KINDS = {
-    "drop": "a byte is lost",
-    "flip": "a bit of a byte is turned over",
-    "double": "a byte comes twice",
-    "frame": "a byte that belongs to no number is lost, turned over or doubled",
-}
-LINE_KINDS = {
-    "truncate": "a line is cut, its end is lost",
-    "lose": "a line is lost",
-    "repeat": "a line comes twice",
-    "late": "a line comes late, and all behind it",
-    "boot": "the robot's boot text comes before or behind a line",
-    "stall": "nothing passes for a while, then all of it at once",
-    "disconnect": "the line is unplugged for a while",
-}
-KINDS = BYTE_KINDS | LINE_KINDS
-
-GROUPS = {
-    "bytes": ("drop", "flip", "double"),
-    "lines": ("truncate", "lose", "repeat", "late", "boot", "stall"),
-}
-"""Kinds that share a rate evenly."""
-
-_SECONDS = {"late": 0.08, "stall": 0.12, "disconnect": 5.0}
-"""How long these last unless it is said."""
-
-_WAYS = ("robot", "host")
+__all__ = ["BOOT_TEXT", "Fault", "Faults"]
 
 BOOT_TEXT = (
     b"ROM of minirobot KHEPERA, Edoardo Franzi K-Team S.A. October 22, 1998 Rev. 5.01\r\n"
@@ -65,94 +27,6 @@ _NUMBER = frozenset(b"-0123456789")
 _KEPT = 10_000  # faults remembered one by one; all are counted
 _LONGEST_LINE = 512  # where bytes never end in a line, as at a wrong rate
 _LONGEST_GAP = 2**40  # bytes or lines to the next fault where there will be none
-
-
-@dataclass(frozen=True)
-class Rule:
-    """One item of a specification. ``way`` is where the bytes go: ``robot``, ``host`` or both (None)."""
-
-    kind: str
-    rate: float = 0.0
-    seconds: float = 0.0
-    way: str | None = None
-    at: float | None = None
-    every: float | None = None
-
-    def on(self, way: str) -> bool:
-        """Whether it concerns bytes on their way to ``way``; a robot alone says boot texts."""
-        return self.way in (None, way) and not (self.kind == "boot" and way == "robot")
-
-
-@dataclass(frozen=True)
-class Specification:
-    """What is to be injected. ``seed`` None: whoever runs it has one."""
-
-    rules: tuple[Rule, ...]
-    seed: int | None = None
-
-    _ITEM = re.compile(
-        r"(?:(?P<way>[a-z]+)\.)?(?P<kind>[a-z]+)"
-        r"(?:=(?P<rate>[^:@]*)(?::(?P<about>.*))?|@(?P<at>[^+/]*)(?:\+(?P<lasts>[^/]*))?(?:/(?P<every>.*))?)\Z"
-    )
-
-    @classmethod
-    def parse(cls, text: str) -> Specification:
-        """Read what the user wrote. Raises UsageError, which names what was expected."""
-        rules: list[Rule] = []
-        seed = None
-        for item in filter(None, (part.strip() for part in text.split(","))):
-            if item.startswith("seed="):
-                if not (item[5:].isascii() and item[5:].isdigit()):
-                    raise UsageError(f"{item!r} among the faults: a seed is a whole number, 0 or more")
-                seed = int(item[5:])
-            else:
-                rules += cls._rules(item)
-        if not rules:
-            raise UsageError("no faults are named: write a list such as flip=1e-3,late=0.01,disconnect@30+5")
-        for way in _WAYS:
-            for kinds, what in ((BYTE_KINDS, "byte"), (LINE_KINDS, "line")):
-                total = sum(rule.rate for rule in rules if rule.kind in kinds and rule.on(way))
-                if total > 1:
-                    raise UsageError(f"the rates of the faults of a {what} add up to {total:g}: at most 1")
-        return cls(tuple(rules), seed)
-
-    @classmethod
-    def _rules(cls, item: str) -> list[Rule]:
-        found = cls._ITEM.match(item)
-        if found is None:
-            raise UsageError(f"{item!r} is no fault: write KIND=RATE, such as flip=1e-3, or KIND@SECONDS")
-        way, kind = found["way"], found["kind"]
-        if way is not None and way not in _WAYS:
-            raise UsageError(f"{item!r} among the faults: bytes go to the robot or to the host, not to {way!r}")
-        if kind not in KINDS and kind not in GROUPS:
-            raise UsageError(f"there is no fault {kind!r}; there are {', '.join((*KINDS, *GROUPS))}")
-        lasting = found["about"] if found["rate"] is not None else found["lasts"]
-        if lasting is not None and kind not in _SECONDS:
-            raise UsageError(f"{item!r} among the faults: only {', '.join(_SECONDS)} last for seconds")
-        if kind == "boot" and way == "robot":
-            raise UsageError(f"{item!r} among the faults: boot texts only go to the host")
-        seconds = _SECONDS.get(kind, 0.0) if lasting is None else _number(item, lasting, "seconds", 3600.0)
-        if found["rate"] is not None:
-            kinds = GROUPS.get(kind, (kind,))
-            rate = _number(item, found["rate"], "a rate", 1.0) / len(kinds)
-            return [Rule(one, rate, seconds or _SECONDS.get(one, 0.0), way) for one in kinds]
-        if kind in GROUPS:
-            raise UsageError(f"{item!r} among the faults: {kind} stands for several kinds, name one of them")
-        at = _number(item, found["at"], "seconds", 1e9)
-        every = None if found["every"] is None else _number(item, found["every"], "seconds", 1e9)
-        if every is not None and every <= seconds:
-            raise UsageError(f"{item!r} among the faults: it would begin again before it ended")
-        return [Rule(kind, 0.0, seconds, way, at, every)]
-
-
-def _number(item: str, text: str, what: str, most: float) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0 <= value <= most:
-        raise UsageError(f"{item!r} among the faults: {text!r} is no number of {what} from 0 to {most:g}")
-    return value
 
 
 @dataclass(frozen=True)
@@ -193,7 +67,7 @@ class Faults:
         source = np.random.SeedSequence(source) if isinstance(source, int) else source
         self._ways = {
             way: _Way(self, way, [rule for rule in specification.rules if rule.on(way)], seed)
-            for way, seed in zip(_WAYS, source.spawn(len(_WAYS)), strict=True)
+            for way, seed in zip(WAYS, source.spawn(len(WAYS)), strict=True)
         }
         self._due: list[tuple[float, Rule]] = [
             (rule.at, rule) for rule in specification.rules if rule.at is not None
@@ -209,6 +83,13 @@ class Faults:
     def to_host(self, data: bytes, now: float) -> bytes:
         """The robot's bytes, as the host gets them."""
         return self._pass("host", data, now)
+
+    def trouble(self, kind: str, rate: float, since: float, until: float) -> None:
+        """Let one more kind strike, by chance, between two moments."""
+        rule = Rule(kind, rate, since=since, until=until)
+        for name, way in self._ways.items():
+            if rule.on(name):
+                way.add(rule)
 
     def connected(self, now: float) -> bool:
         """Whether the line is plugged in; while it is not, nothing passes, and what was under way is lost."""
@@ -251,7 +132,7 @@ class Faults:
 
     def interrupt(self, rule: Rule, at: float, seconds: float) -> None:
         """Nothing passes from ``at`` on, for so long; where a line is unplugged, what was under way is lost."""
-        ways = [self._ways[way] for way in _WAYS if rule.on(way)]
+        ways = [self._ways[way] for way in WAYS if rule.on(way)]
         self.done(Fault(at, rule.way or "both", rule.kind, f"{seconds:.3f} s"))
         if rule.kind == "stall":
             for way in ways:
@@ -293,18 +174,18 @@ class _Way:
 
     def __init__(self, faults: Faults, name: str, rules: list[Rule], seed: np.random.SeedSequence) -> None:
         self._faults, self._name = faults, name
+        by_rate = [rule for rule in rules if rule.at is None]
         bytes_seed, lines_seed = seed.spawn(2)
-        self._of_bytes = np.random.default_rng(bytes_seed)
-        self._of_lines = np.random.default_rng(lines_seed)
-        by_rate = [rule for rule in rules if rule.at is None and rule.rate > 0]
-        self._byte_rules = [rule for rule in by_rate if rule.kind in BYTE_KINDS]
-        self._line_rules = [rule for rule in by_rate if rule.kind in LINE_KINDS]
+        self._of_bytes = _Dice([rule for rule in by_rate if rule.kind in BYTE_KINDS], bytes_seed)
+        self._of_lines = _Dice([rule for rule in by_rate if rule.kind in LINE_KINDS], lines_seed)
         self._line: _Line | None = None
         self._lengths: dict[int, int] = {}  # of the last line that began with this byte
         self._held: deque[tuple[float, bytes]] = deque()
         self._floor = 0.0  # nothing passes before
-        self._to_byte = self._gap(self._of_bytes, self._byte_rules)
-        self._to_line = self._gap(self._of_lines, self._line_rules)
+
+    def add(self, rule: Rule) -> None:
+        """Strike by one rule more."""
+        (self._of_bytes if rule.kind in BYTE_KINDS else self._of_lines).add(rule)
 
     def feed(self, data: bytes, now: float) -> None:
         """Bytes that come at ``now``."""
@@ -349,11 +230,11 @@ class _Way:
             self._held.append((max(now, self._floor), data))
 
     def _begin_line(self, first: int, now: float, out: bytearray) -> _Line:
-        rule = self._pick(self._of_lines, self._line_rules, LINE_KINDS)
+        rule = self._awaited(LINE_KINDS) or self._of_lines.strike(now)
         if rule is None:
             return _Line()
         line = _Line(rule)
-        chance = self._of_lines
+        chance = self._of_lines.chance
         seconds = rule.seconds if rule.at is not None else rule.seconds * float(chance.uniform(0.5, 1.5))
         if rule.kind == "truncate":
             # Of the last line of this kind, so that the cut mostly falls into the line.
@@ -391,7 +272,7 @@ class _Way:
 
     def _through(self, byte: int, now: float) -> bytes:
         """What becomes of one byte."""
-        rule = self._pick(self._of_bytes, self._byte_rules, BYTE_KINDS)
+        rule = self._awaited(BYTE_KINDS) or self._of_bytes.strike(now)
         if rule is None:
             return bytes((byte,))
         kind = rule.kind
@@ -400,50 +281,64 @@ class _Way:
                 if rule.at is not None:
                     self._faults.awaited.append(rule)  # not this one, then
                 return bytes((byte,))
-            kind = ("drop", "flip", "double")[self._of_bytes.integers(3)]
+            kind = ("drop", "flip", "double")[self._of_bytes.chance.integers(3)]
         if kind == "drop":
             through = b""
         elif kind == "double":
             through = bytes((byte, byte))
         else:
-            through = bytes((byte ^ 1 << int(self._of_bytes.integers(8)),))
+            through = bytes((byte ^ 1 << int(self._of_bytes.chance.integers(8)),))
         self._note(rule.kind, now, f"{bytes((byte,))!r} -> {through!r}")
         return through
 
-    def _pick(self, chance: np.random.Generator, rules: list[Rule], kinds: dict[str, str]) -> Rule | None:
-        """The rule that strikes the next byte, or the next line, if one does."""
+    def _awaited(self, kinds: dict[str, str]) -> Rule | None:
+        """A rule that was due by time and waits for a byte, or a line, on this way."""
         for rule in self._faults.awaited:
             if rule.kind in kinds and rule.on(self._name):
                 self._faults.awaited.remove(rule)
                 return rule
-        of_bytes = kinds is BYTE_KINDS
-        left = self._to_byte if of_bytes else self._to_line
-        if left > 0:
-            if of_bytes:
-                self._to_byte -= 1
-            else:
-                self._to_line -= 1
+        return None
+
+    def _note(self, kind: str, now: float, what: str) -> None:
+        self._faults.done(Fault(now, self._name, kind, what))
+
+
+class _Dice:
+    """Strikes bytes, or lines, with the rates of ``rules``; how many go well before the next is drawn at once."""
+
+    def __init__(self, rules: list[Rule], seed: np.random.SeedSequence) -> None:
+        self.chance = np.random.default_rng(seed)
+        self._all = rules
+        self._rules: list[Rule] = []  # those that hold now
+        self._change = -math.inf  # when others do
+        self._well = 0
+
+    def add(self, rule: Rule) -> None:
+        """One rule more, whose time may have begun."""
+        self._all.append(rule)
+        self._change = -math.inf
+
+    def strike(self, now: float) -> Rule | None:
+        """The rule that strikes the next one, if one does."""
+        if now >= self._change:
+            self._all = [rule for rule in self._all if now < rule.until]
+            self._rules = [rule for rule in self._all if rule.since <= now]
+            moments = [moment for rule in self._all for moment in (rule.since, rule.until) if moment > now]
+            self._change = min(moments, default=math.inf)
+            self._draw()
+        if self._well > 0:
+            self._well -= 1
             return None
-        rates = [rule.rate for rule in rules]
-        struck = float(chance.random()) * sum(rates)
-        found = rules[-1]
-        for rule in rules:
+        struck = float(self.chance.random()) * sum(rule.rate for rule in self._rules)
+        found = self._rules[-1]
+        for rule in self._rules:
             if struck < rule.rate:
                 found = rule
                 break
             struck -= rule.rate
-        gap = self._gap(chance, rules)
-        if of_bytes:
-            self._to_byte = gap
-        else:
-            self._to_line = gap
+        self._draw()
         return found
 
-    @staticmethod
-    def _gap(chance: np.random.Generator, rules: list[Rule]) -> int:
-        """How many bytes, or lines, go well before the next that does not."""
-        total = sum(rule.rate for rule in rules)
-        return int(chance.geometric(min(total, 1.0))) - 1 if total > 0 else _LONGEST_GAP
-
-    def _note(self, kind: str, now: float, what: str) -> None:
-        self._faults.done(Fault(now, self._name, kind, what))
+    def _draw(self) -> None:
+        total = min(sum(rule.rate for rule in self._rules), 1.0)
+        self._well = int(self.chance.geometric(total)) - 1 if total > 0 else _LONGEST_GAP

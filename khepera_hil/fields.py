@@ -9,6 +9,7 @@ import operator
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from khepera_hil.errors import ProtocolError
 
@@ -59,7 +60,7 @@ class Command:
     answer: tuple[Field, ...] = ()
     form: str = "numbers"
 
-    @property
+    @cached_property
     def longest_answer(self) -> int:
         """Characters of the longest answer, CR LF included: what a deadline must allow for."""
         if self.form == "versions":
@@ -68,7 +69,7 @@ class Command:
             return 1 + len(",31,n") + 64 * len(",255") + 2  # the longest known: 64 pixels of the K213
         return 1 + sum(1 + field.widest for field in self.answer) + 2
 
-    @property
+    @cached_property
     def longest_request(self) -> int:
         """Characters of the longest request, its terminator included."""
         if self.form == "turret":

@@ -14,11 +14,11 @@ carries descriptors too. From the service come
 * ``MOVING`` and ``RESTING``: a beat, with which of the two the wheels are;
 * ``GOODBYE``: the service ends well, and there is nothing to do.
 
-The guard says ``READY`` once, and ``TRIPPED`` with its line when it has acted. It acts when the wheels may be
-moving and the pipe ends without a goodbye, or brings nothing for ``limit`` seconds: it closes its ear, so that a
-service that wakes finds it gone with its next beat; throws away what has not left the host's buffer; sends a line
-end, which ends half a command, and ``D,0,0``, and once more after 20 ms; writes a line to ``guard.jsonl`` in the
-run's folder; and exits. As long as the service is well it never sends a byte.
+The guard says ``READY`` once. It acts when the wheels may be moving and the pipe ends without a goodbye, or brings
+nothing for ``limit`` seconds: it says ``TRIPPED`` and why, and shuts its end of the pipe, so that a service that
+wakes finds it gone from here on; throws away what has not left the host's buffer; sends a line end, which ends
+half a command, and ``D,0,0``, and once more after 20 ms; writes a line to ``guard.jsonl`` in the run's folder; and
+exits. As long as the service is well it never sends a byte.
 """
 
 from __future__ import annotations
@@ -131,15 +131,14 @@ class Guard:
     def _act(self, why: str) -> None:
         assert self._port is not None
         with contextlib.suppress(OSError):  # the other end may be gone
-            self._pipe.shutdown(socket.SHUT_RD)
+            self._pipe.send(TRIPPED + why.encode(), socket.MSG_DONTWAIT)
+            self._pipe.shutdown(socket.SHUT_RDWR)
         error = _stop(self._port)
         os.close(self._port)
         done = "could not tell the wheels to stop" if error else "told the wheels to stop"
         line = {"wall": time.time(), "why": why, "sent": error is None, "error": error, "beats": self._beats}
         with contextlib.suppress(OSError):  # the wheels are what counts
             self._write(line)
-        with contextlib.suppress(OSError):
-            self._pipe.send(TRIPPED + why.encode(), socket.MSG_DONTWAIT)
         _say(f"khepera-hil guard: {why}; {done}{f' ({error})' if error else ''}\n")
 
     def _write(self, line: dict[str, object]) -> None:
@@ -197,7 +196,7 @@ def main(fd: int, limit: float) -> None:
     for which in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP, signal.SIGPIPE):
         signal.signal(which, signal.SIG_IGN)
     # Above a service with --realtime, or one in an endless loop on a single core would keep us from running.
-    # We wake ten times a second for some microseconds. Where it is not allowed, the ordinary class must do.
+    # We wake for some microseconds at each beat. Where it is not allowed, the ordinary class must do.
     with contextlib.suppress(OSError, AttributeError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(60))
     with socket.socket(fileno=fd) as pipe:

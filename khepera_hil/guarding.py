@@ -46,6 +46,9 @@ class Guarding(Protocol):
     def moving(self) -> None:
         """The wheels will be told to move now: call it right before."""
 
+    def check(self) -> None:
+        """See whether it is still there; it is not disturbed by that."""
+
     def resting(self) -> None:
         """The robot has confirmed that it stands still."""
 
@@ -67,6 +70,9 @@ class Unguarded:
 
     def moving(self) -> None:
         """Nobody cares."""
+
+    def check(self) -> None:
+        """Nobody is missed."""
 
     def resting(self) -> None:
         """Nobody cares."""
@@ -125,10 +131,28 @@ class Process:
 
     def moving(self) -> None:
         """Have the guard armed, and know that it is there."""
-        self._moving = True
         if self._lost:
             raise GuardLost("the guard is gone, so nothing may be set in motion")
-        self._send(guard.MOVING)
+        if self._moving:
+            # It knows, and has its beats. To wake it here would give it the processor, at the one moment at which
+            # we should not be held up: between this look and the order.
+            self.check()
+        else:
+            self._moving = True
+            self._send(guard.MOVING)
+
+    def check(self) -> None:
+        """Its end of the pipe says nothing as long as it is there."""
+        if self._lost:
+            return
+        try:
+            self._pipe.recv(1, socket.MSG_PEEK)
+        except BlockingIOError:
+            return
+        except OSError:
+            pass
+        self._lost = True
+        raise GuardLost(self._last_words())
 
     def resting(self) -> None:
         """The guard is armed no more."""
@@ -171,8 +195,7 @@ class Process:
             raise GuardLost(self._last_words()) from None
 
     def _last_words(self) -> str:
-        """Why the guard is gone. One that acts at this moment has its line ready within a tenth of a second."""
-        self._pipe.settimeout(0.1)
+        """Why the guard is gone; nothing when it was killed."""
         try:
             said = self._pipe.recv(500)
         except OSError:

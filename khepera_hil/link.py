@@ -96,6 +96,8 @@ class Link:
         self.baud = baud
         self.margin = margin
         self.on_exchange = on_exchange
+        self.on_sent: Callable[[], None] | None = None
+        """Called each time that something has been handed to the port; what it raises goes through."""
         self.counters = Counters()
         self.last_answer = ""
         """The last accepted answer as it came, without CR LF."""
@@ -347,6 +349,8 @@ class Link:
             raise self._gone(error) from error
         if written is not None and written < len(data):
             raise self._gone("it took only a part of what was written")
+        if self.on_sent is not None:
+            self.on_sent()
 
     def _open_port(self) -> Port:
         if self._lost is not None:

@@ -282,8 +282,8 @@ class Motion:
         """For each wheel: on target (0, 1), mode, error of the controller that rules (command K).
 
         ``speeds`` are measured, whole pulses in 10 ms. On target is, in speed mode, a wheel that turns as it was
-        told; in position mode one whose profile has ended, at most a pulse from its end; with PWM alone there is
-        no target, and a wheel that stands still does not move.
+        told; in position mode one that stands at its profile's end; with PWM alone there is no target, and a wheel
+        that stands still does not move.
         """
         told: list[int] = []
         for axis, speed, way in zip(self._axes, speeds, ways, strict=True):
@@ -292,7 +292,7 @@ class Motion:
                 reached = error == 0
             elif self.mode is Mode.POSITION:
                 error = math.floor(axis.place) - math.floor(way)
-                reached = axis.arrived and abs(error) <= 1
+                reached = axis.arrived and error == 0 and speed == 0
             else:
                 error, reached = 0, speed == 0
             told += [int(reached), int(self.mode), error]

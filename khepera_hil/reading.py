@@ -101,11 +101,14 @@ def find(name: str | Path, runs: Path) -> Run:
         if not found:
             raise RecordingError(f"there is no recorded run in {runs}; make one with khepera-hil, or say --runs")
         return found[-1]
-    for folder in (Path(name), runs / name):
-        if folder.is_dir():
-            return Run(folder, read_manifest(folder))
-    if Path(name).exists():
-        raise RecordingError(f"{name} is a file, and a run is a folder with {MANIFEST} in it")
+    try:
+        for folder in (Path(name), runs / name):
+            if folder.is_dir():
+                return Run(folder, read_manifest(folder))
+        if Path(name).exists():
+            raise RecordingError(f"{name} is a file, and a run is a folder with {MANIFEST} in it")
+    except OSError as error:
+        raise _unreadable(Path(name), error) from None
     raise RecordingError(f"there is no run {name}, here or in {runs}; khepera-hil runs lists what there is")
 
 
@@ -228,11 +231,11 @@ def _log_files(folder: Path) -> list[str]:
 
 def _opened(path: Path) -> BinaryIO:
     """The file, opened without waiting for it: a pipe in its place would never have an end."""
-    file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK | os.O_CLOEXEC))
-    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-        file.close()
+    file = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    if not stat.S_ISREG(os.fstat(file).st_mode):
+        os.close(file)
         raise OSError(errno.EINVAL, "it is not a plain file")
-    return file
+    return os.fdopen(file, "rb")
 
 
 def _row(line: bytes, where: str) -> dict[str, Any]:
@@ -249,7 +252,10 @@ def _load(text: bytes) -> Any:
     def refuse(constant: str) -> None:
         raise ValueError(f"{constant} is not a number")
 
-    return json.loads(text.decode("utf-8"), parse_constant=refuse)
+    found = json.loads(text.decode("utf-8"), parse_constant=refuse)
+    if b"\\u" in text:  # an escape may make half a character, which nobody could print or export
+        json.dumps(found, ensure_ascii=False).encode()
+    return found
 
 
 def _said(error: Exception) -> str:

@@ -29,6 +29,7 @@ import fcntl
 import hashlib
 import importlib.metadata
 import json
+import math
 import os
 import platform
 import tempfile
@@ -153,7 +154,7 @@ class Tick:
             "evidence": self.evidence,
             "clipped": self.clipped,
             "answers": {key: answer.digest() for key, answer in self.answers.items()},
-            "sketch": {key: _short(answer.sketch(), 12) for key, answer in self.answers.items()},
+            "sketch": {key: _sketched(answer) for key, answer in self.answers.items()},
             "u": self.u,  # exact: a replay draws with it again
             "draws": self.draws,
             "command": self.command,
@@ -367,6 +368,12 @@ def _is_json(value: object) -> bool:
     except (TypeError, ValueError):
         return False
     return True
+
+
+def _sketched(answer: Answer) -> float | None:
+    """An answer that is no distribution does not stop the log."""
+    number = answer.sketch()
+    return _short(number, 12) if math.isfinite(number) else None
 
 
 def _short(value: float, digits: int) -> float:

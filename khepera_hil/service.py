@@ -81,7 +81,7 @@ class Service:
         self._new_line = False
         self._clock, self._period = clock, period
         self._idle, self._stopwatch, self._wall = idle, stopwatch, wall
-        self._staged: list[Orders] = [] if witness is None else [Staged(witness, self.remark)]
+        self._staged: list[Orders] = [] if witness is None else [Staged(witness)]
         self._orders: Sequence[Orders] = ()
         self._reason: str | None = None
         self._remarks: list[tuple[str, str]] = []  # what is to be said in the next tick
@@ -239,14 +239,14 @@ class Service:
     def _obey(self, tick: Tick) -> None:
         for source in self._orders:
             for order in source.take():
+                tick.orders.append(order.words)
                 try:
-                    order.obeyed(self._carry_out(order, tick))
+                    order.obeyed(self._carry_out(order))
                 except OrderRefused as error:
                     order.refused(str(error))
-                else:
-                    tick.orders.append(order.words)
+                    tick.events.append(("warning", f"order refused: {error}"))
 
-    def _carry_out(self, order: Order, tick: Tick) -> str:
+    def _carry_out(self, order: Order) -> str:
         if order.words == "stop":
             self.stop("order")
             return "the run ends, its wheels stand still"

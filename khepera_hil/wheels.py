@@ -57,10 +57,19 @@ class Wheels:
         self._turned = [0.0, 0.0]
 
     def move(self, left: int, right: int) -> tuple[int, int]:
-        """Set their speeds; what was really sent."""
+        """Set their speeds; what was really sent.
+
+        A process that hung may wake anywhere, also between its look at the guard and its order. So it looks again
+        when the order has gone out; what went out in spite of a guard that had acted is taken back at once.
+        """
         self._guard.moving()  # raises when nobody would stop them in our place
         self._health.rested = False
-        sent = self._khepera.set_speed(left, right)
+        link = self._khepera.link
+        link.on_sent = self._guard.check
+        try:
+            sent = self._khepera.set_speed(left, right)
+        finally:
+            link.on_sent = None
         self._told(*sent)
         return sent
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from khepera_hil.orders import Order
@@ -51,18 +51,14 @@ class Sight:
 
 
 class Staged:
-    """The orders of a scenario's operator, who belongs to the world. ``remark`` hears of those that are refused."""
+    """The orders of a scenario's operator, who belongs to the world."""
 
-    def __init__(self, witness: Witness, remark: Callable[[str, str], None]) -> None:
-        self._witness, self._remark = witness, remark
+    def __init__(self, witness: Witness) -> None:
+        self._witness = witness
 
     def take(self) -> list[Order]:
         """Those that came since the last call."""
-        return [Order(f"{order} {'on' if on else 'off'}", self._answered) for order, on in self._witness.orders()]
-
-    def _answered(self, answer: dict[str, str]) -> None:
-        if "error" in answer:
-            self._remark("warning", answer["error"])
+        return [Order(f"{order} {'on' if on else 'off'}") for order, on in self._witness.orders()]
 
 
 def _rounded(pose: Pose) -> Pose:

@@ -89,7 +89,8 @@ def test_it_stops_the_wheels_of_a_service_that_hangs(process: Process, line: Lin
     assert line.heard(len(BOTH)) == BOTH
     assert time.monotonic() - began >= LIMIT  # never before
     with pytest.raises(GuardLost, match="gave no sign"):
-        process.moving()
+        process.check()
+    process.check()  # it was said
     with pytest.raises(GuardLost):  # and it stays so
         process.moving()
     process.beat()
@@ -230,7 +231,7 @@ def test_a_guard_that_takes_no_beats_is_as_good_as_gone(process: Process, line: 
     said = ""
     while not said:
         try:
-            process.moving()
+            process._send(guard.MOVING)
         except GuardLost as error:
             said = str(error)
     assert "takes no beats" in said
@@ -285,8 +286,10 @@ process.record_in(Path(sys.argv[2]))
 process.watch(fd)
 try:
     while True:
+        process.beat()
         process.moving()
         os.write(fd, b"D,5,5\\n")
+        process.check()
         time.sleep(0.1)
 except GuardLost as error:
     print(error)
@@ -321,7 +324,10 @@ def test_a_process_that_is_killed_or_held_up_is_spoken_for(line: Line, tmp_path:
     finally:
         service.kill()
         service.communicate()
-    assert (tmp_path / guard.LOG).exists()
+    end = time.monotonic() + LONG
+    while not (tmp_path / guard.LOG).exists():  # the wheels come first, the line after the second order
+        assert time.monotonic() < end
+        time.sleep(0.01)
 
 
 def test_devices_and_sockets_can_be_written_to_by_another_process_and_a_loop_cannot(line: Line) -> None:

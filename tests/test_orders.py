@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from khepera_hil.commands import order
 from khepera_hil.errors import OrderRefused
 from khepera_hil.orders import CLIENTS, PATIENCE, SOCKET, Order, OrderSocket, deliver, ordered
 
@@ -32,12 +33,12 @@ class Service:
 
     def tick(self) -> list[Order]:
         found = self.orders.take()
-        for order in found:
-            self.taken.append(order.words)
-            if order.words == "stop":
-                order.obeyed("it ends")
+        for one in found:
+            self.taken.append(one.words)
+            if one.words == "stop":
+                one.obeyed("it ends")
             else:
-                order.refused(f"no order {order.words}")
+                one.refused(f"no order {one.words}")
         return found
 
     def connect(self) -> socket.socket:
@@ -261,3 +262,40 @@ def test_an_order_is_plain_words_or_none(text: str) -> None:
     assert words == words.lower()
     assert words.isascii()
     assert words.split() == text.split()
+
+
+def test_the_newest_run_that_is_there_gets_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("older", "newer", "killed", "without"):
+        (tmp_path / name).mkdir()
+    older = Service(tmp_path / "older")
+    time.sleep(0.02)  # so that the clock of the files tells them apart
+    newer = Service(tmp_path / "newer")
+    time.sleep(0.02)
+    killed = Service(tmp_path / "killed")
+    killed.orders._listener.close()
+    done = threading.Event()
+
+    def tick() -> None:
+        while not done.is_set():
+            older.tick()
+            newer.tick()
+            time.sleep(0.001)
+
+    loop = threading.Thread(target=tick)
+    loop.start()
+    try:
+        assert order.main(["--runs", str(tmp_path), "stop"]) == 0
+        assert capsys.readouterr().out == "newer: it ends\n"
+        with pytest.raises(OrderRefused, match="no order vigil on"):
+            order.main(["--runs", str(tmp_path), "vigil", "on"])
+        assert order.main(["--run", str(tmp_path / "older"), "stop"]) == 0
+        with pytest.raises(OrderRefused, match="takes no orders"):
+            order.main(["--run", str(tmp_path / "killed"), "stop"])
+    finally:
+        done.set()
+        loop.join(LONG)
+        older.orders.close()
+        newer.orders.close()
+    assert (older.taken, newer.taken) == (["stop"], ["stop", "vigil on"])
+    with pytest.raises(OrderRefused, match="no run in"):
+        order.main(["--runs", str(tmp_path), "stop"])

@@ -43,6 +43,11 @@ class Watching:
             raise GuardLost("the guard is gone")
         self.said.append("moving")
 
+    def check(self) -> None:
+        if self.gone:
+            self.gone = False
+            raise GuardLost("the guard is gone")
+
     def resting(self) -> None:
         self.said.append("resting")
 
@@ -240,7 +245,7 @@ def test_the_order_to_resume_sets_it_in_motion_again(tmp_path: Path) -> None:
     assert ticks[30]["orders"] == ["resume"]
     assert ticks[30]["evidence"]
     assert [("ok" in answer) for answer in orders.answers] == [True, False], "the second has nothing to resume"
-    assert ticks[40]["orders"] == []
+    assert said(ticks, "order refused: there is nothing to resume") == [40]
 
 
 def test_with_resume_it_drives_on_after_a_handshake(tmp_path: Path) -> None:
@@ -322,6 +327,27 @@ def test_a_guard_that_is_gone_stops_the_wheels_and_ends_the_run(tmp_path: Path) 
     assert bench.service.ended == "error"
 
 
+def test_an_order_that_went_out_although_the_guard_had_acted_is_taken_back_at_once(tmp_path: Path) -> None:
+    """A process that is held up may wake between its look at the guard and its order."""
+    bench, guard = guarded(tmp_path)
+    bench.service.connect()
+    end = bench.robot.clock.now() + 1.0
+    looked = guard.moving
+
+    def moving() -> None:
+        looked()
+        guard.gone |= bench.robot.clock.now() > end  # and now it is stopped for a while
+
+    guard.moving = moving  # type: ignore[method-assign]
+    with pytest.raises(GuardLost):
+        bench.service.run(bench.recording, duration=60.0)
+    orders = [(moment, order) for moment, order in bench.robot.speeds if moment > end]
+    assert orders[0][1] != STOP
+    assert orders[1][1] == STOP
+    assert orders[1][0] - orders[0][0] < 0.001, "not a tick later, and without waiting for an answer"
+    assert {order for _, order in orders[1:]} == {STOP}
+
+
 def test_a_guard_lets_go_of_a_lost_line_and_watches_the_next(tmp_path: Path) -> None:
     guard = Watching()
     line = Unplugged(tmp_path, gone=1.0, back=2.0, guard=guard)
@@ -361,8 +387,9 @@ def test_an_order_holds_from_its_own_tick_on_and_stands_in_it(tmp_path: Path) ->
     bench.service.run(bench.recording, duration=1.0, orders=[orders])
     assert watchman.seen == [False] * 3 + [True] * 4 + [False] * 3
     assert [tick["orders"] for tick in bench.ticks()] == [
-        ["vigil on"] if n == 3 else ["vigil off"] if n == 7 else [] for n in range(10)
+        {3: ["vigil on"], 5: ["dance"], 7: ["vigil off"]}.get(n, []) for n in range(10)
     ]
+    assert said(bench.ticks(), "order refused") == [5]
     assert orders.answers[1] == {"error": "the watchman knows no order 'dance'"}
 
 
@@ -390,8 +417,8 @@ def test_a_scenarios_operator_is_obeyed_as_any_other(tmp_path: Path) -> None:
     bench.service.run(bench.recording, duration=1.0)
     ticks = bench.ticks()
     assert watchman.seen == [False] * 3 + [True] * 4 + [False] * 3
-    assert [tick["orders"] for tick in ticks if tick["orders"]] == [["vigil on"], ["vigil off"]]
-    assert said(ticks, "no order 'dance on'") == [6], "a refusal is an event of the next tick"
+    assert [tick["orders"] for tick in ticks if tick["orders"]] == [["vigil on"], ["dance on"], ["vigil off"]]
+    assert said(ticks, "no order 'dance on'") == [5]
 
 
 def test_a_program_that_knows_no_orders_says_so_and_drives_on(bench: Bench) -> None:
@@ -399,7 +426,8 @@ def test_a_program_that_knows_no_orders_says_so_and_drives_on(bench: Bench) -> N
     bench.service.connect()
     bench.service.run(bench.recording, duration=1.0, orders=[orders])
     assert "avoid knows no order 'vigil on'" in orders.answers[0]["error"]
-    assert all(tick["orders"] == [] and tick["evidence"] for tick in bench.ticks())
+    assert all(tick["evidence"] for tick in bench.ticks())
+    assert said(bench.ticks(), "order refused") == [3]
 
 
 def test_every_program_takes_stop(bench: Bench) -> None:

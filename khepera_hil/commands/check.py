@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import secrets
 import sys
@@ -12,11 +13,14 @@ from typing import Any
 import serial
 
 from khepera_hil.adapter import latency_ms
+from khepera_hil.budget import RESERVE
+from khepera_hil.budget import needed as seconds_needed
 from khepera_hil.checkup import PLACES, TURRETS, RoundTrips, Watch, budgets, inputs, round_trips, turrets, watch
 from khepera_hil.clock import WallClock
 from khepera_hil.commands.parser import Parser, baud, number
 from khepera_hil.commands.run import port_url
 from khepera_hil.controllers import PROGRAMS
+from khepera_hil.errors import RobotError
 from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link
 from khepera_hil.opening import open_port
@@ -33,6 +37,9 @@ BRIGHT = 60
 
 SATURATED = 1020
 """Counts of proximity that cannot rise."""
+
+INPUTS = {0: "charger", 1: "reflected light", 2: "ambient light"}
+"""A Khepera II's A/D inputs that are not free (Khepera II User Manual 1.1, appendix A); 6 is a current."""
 
 EPILOG = """\
 Lines that begin with ! say what should be looked at.
@@ -73,8 +80,9 @@ def main(arguments: Sequence[str]) -> int:
 def _look(khepera: Khepera, each: int, period: float, seconds: float) -> dict[str, Any]:
     _progress("looking for the robot")
     versions = khepera.handshake()
-    speeds = khepera.speeds()
-    found: dict[str, Any] = {"versions": versions, "speeds": speeds}
+    found: dict[str, Any] = {"versions": versions, "speeds": (0, 0)}
+    with contextlib.suppress(RobotError):
+        found["speeds"] = khepera.speeds()
     _progress("turrets and inputs")
     found["turrets"] = turrets(khepera)
     found["net"] = _net(khepera)
@@ -84,17 +92,22 @@ def _look(khepera: Khepera, each: int, period: float, seconds: float) -> dict[st
     _progress(f"{seconds:g} s of sensors")
     found["watch"] = watch(khepera, period, seconds)
     found["budgets"] = budgets({name: one.make().needs for name, one in PROGRAMS.items()}, period)
-    found["remarks"] = [*_of_the_line(found), *_of_the_sensors(found["watch"])]
+    needed = seconds_needed(("N", "O"), khepera.link.baud)
+    found["remarks"] = [*_of_the_line(found, needed, period), *_of_the_sensors(found["watch"])]
     return found
 
 
 def _net(khepera: Khepera) -> list[str]:
     """What the robot's own tool says of its turrets; nothing where it knows no such tool."""
-    lines = [line.strip() for line in khepera.link.tool("net").splitlines()]
+    try:
+        printed = khepera.link.tool("net")
+    except RobotError:
+        return []
+    lines = [line.strip() for line in printed.splitlines()]
     return [line for line in lines if line and "not found" not in line]
 
 
-def _of_the_line(found: dict[str, Any]) -> list[str]:
+def _of_the_line(found: dict[str, Any], needed: float, period: float) -> list[str]:
     remarks = []
     if any(found["speeds"]):
         remarks.append(f"the wheels turn at {found['speeds']}: nobody of ours told them to")
@@ -103,10 +116,13 @@ def _of_the_line(found: dict[str, Any]) -> list[str]:
     if lost:
         remarks.append(f"{lost} of {asked} requests had no usable answer: see the cable and its plugs")
     seen: Watch = found["watch"]
-    if seen.missed:
+    if needed > (1 - RESERVE) * period:
         remarks.append(
-            f"the loop missed {seen.missed} of {seen.ticks + seen.missed} deadlines: is this computer busy?"
+            f"N and O need {1000 * needed:.0f} ms at this rate: a loop of {1000 * period:g} ms cannot read them"
         )
+    elif seen.missed:
+        due = seen.ticks + seen.missed
+        remarks.append(f"the loop missed {seen.missed} of {due} deadlines: is this computer busy?")
     return remarks
 
 
@@ -127,7 +143,9 @@ def _of_the_sensors(seen: Watch) -> list[str]:
 def _print(found: dict[str, Any], khepera: Khepera, period: float, held: int | None) -> None:
     link = khepera.link
     print(f"port      {link.name} at {link.baud} baud{'' if held is None else f', latency timer {held} ms'}")
-    print(f"robot     BIOS {found['versions'][0]}, protocol {found['versions'][1]}")
+    second = found["versions"][0] >= "6"
+    name = "Khepera II" if second else "Khepera"
+    print(f"robot     {name}: BIOS {found['versions'][0]}, protocol {found['versions'][1]}")
     fitted = [f"{number} {TURRETS[number]} {version}" for number, version in found["turrets"].items()]
     print(f"turrets   {', '.join(fitted) or 'none answers'}")
     for line in found["net"]:
@@ -139,9 +157,8 @@ def _print(found: dict[str, Any], khepera: Khepera, period: float, held: int | N
             f"          {letter:<17} {_ms(of_letter.seconds, 0.5):>8} {_ms(of_letter.seconds, 0.99):>8} "
             f"{of_letter.lost:>3} of {of_letter.asked}"
         )
-    print(
-        f"budget    ms a tick on the wire, {900 * period:.0f} of {1000 * period:g} may be used (--verify behind it)"
-    )
+    room = 1000 * (1 - RESERVE) * period
+    print(f"budget    ms a tick on the wire, of {room:g} that may be used; in brackets with --verify")
     print("          " + " " * 12 + "".join(f"{rate:>16}" for rate in BAUD_RATES))
     for program, rates in found["budgets"].items():
         print(f"          {program:12}" + "".join(f"{_budget(figures):>16}" for figures in rates.values()))
@@ -154,12 +171,19 @@ def _print(found: dict[str, Any], khepera: Khepera, period: float, held: int | N
         light = [value for reading in seen.light for value in reading]
         look = "dark" if min(light) >= DARK else "a lamp is near" if min(light) <= BRIGHT else "some light"
         print(f"          {look}; {len(seen.proximity)} readings of {seen.ticks}")
-    channels = [f"{channel}: {4.09 * value / 1024:.2f} V" for channel, value in found["inputs"].items()]
-    print(f"inputs    {', '.join(channels) or 'the robot refuses to read them (command I)'}")
+    channels = [_input(channel, value, second) for channel, value in found["inputs"].items()]
+    print(f"inputs    {', '.join(channels) or 'none could be read (command I)'}")
     print(
         f"loop      ticks of {1000 * period:g} ms came late by {_ms(seen.late, 0.5)} ms (median), "
         f"{_ms(seen.late, 0.99)} (p99), {1000 * seen.latest:.2f} (max of {seen.ticks})"
     )
+
+
+def _input(channel: int, value: int, second: bool) -> str:
+    if second and channel == 6:
+        return f"{value} mA used"
+    what = f" {INPUTS[channel]}" if second and channel in INPUTS else ""
+    return f"{channel}{what}: {4.09 * value / 1024:.2f} V"
 
 
 def _budget(figures: dict[str, Any]) -> str:

@@ -19,10 +19,10 @@ from khepera_hil.commands.parser import Parser, baud, seed
 from khepera_hil.commands.scored import scored
 from khepera_hil.diary import Diary
 from khepera_hil.disturbed import Disturbed
-from khepera_hil.emulator import Emulator
 from khepera_hil.endpoints import LOOPBACK, pseudo_terminal, tcp_port
 from khepera_hil.errors import RecordingError, UsageError
-from khepera_hil.faults import GROUPS, KINDS, Faults, Specification
+from khepera_hil.faults import Faults
+from khepera_hil.faultspec import GROUPS, KINDS, Specification
 from khepera_hil.follower import Follower
 from khepera_hil.onlooker import Onlooker, shown
 from khepera_hil.rom import DEFAULT_FITTINGS, FITTINGS, MODELS, model_for, turrets
@@ -52,12 +52,12 @@ exit codes: 0 ended by Ctrl-C or SIGTERM  2 wrong arguments or arena  3 the link
 def main(arguments: Sequence[str]) -> int:
     """Serve an emulated robot until Ctrl-C or SIGTERM, then say what its world saw."""
     asked = _parser().parse_args(arguments)
-    model = model_for(asked.robot, asked.baud)
-    specification = None if asked.faults is None else Specification.parse(asked.faults)
     if asked.view and not has_screen():
         raise UsageError(
             "there is no screen here to open the viewer on; leave --view out (--log tells the truth too)"
         )
+    model = model_for(asked.robot, asked.baud)
+    faults = Specification(()) if asked.faults is None else Specification.parse(asked.faults)
     chosen = secrets.randbits(32) if asked.seed is None else asked.seed
     scenario = None if asked.scenario is None else load_scenario(asked.scenario)
     arena = asked.world or (scenario.world if scenario is not None else None) or "furnished"
@@ -78,26 +78,10 @@ def main(arguments: Sequence[str]) -> int:
             "started": datetime.now().isoformat(timespec="seconds"),
         }
         diary = None if asked.log is None else Diary(asked.log, world, about, complain=_complain)
-        settings: dict[str, Any] = {
-            "host_follows": asked.tcp is not None,
-            "fifo": FIFO_16550,
-            "robot": model.name,
-            "turrets": asked.turrets,
-            "on_request": None if diary is None else diary.request,
-        }
-        faults = None
-        if specification is None:
-            emulator = Emulator(world, asked.baud, **settings)
-        else:
-            faults = Faults(
-                specification, chance.streams(chosen)["line"], on_fault=None if diary is None else diary.fault
-            )
-            emulator = Disturbed(world, asked.baud, faults=faults, **settings)
+        emulator = _emulator(asked, world, faults, chosen, diary)
         watchers: list[Callable[[float], None]] = [] if diary is None else [diary.watch]
         if asked.view:
-            looking = partial(open_live, shown(about, world), address(), page=False, window=True)
-            view = stack.enter_context(_followed(looking))
-            watchers.append(Onlooker(world, view.offer).watch)
+            watchers.append(stack.enter_context(_viewed(world, about)).watch)
         stop = stack.enter_context(_signals())
         where = endpoint.name if endpoint.device in endpoint.name else f"{endpoint.name} -> {endpoint.device}"
         events = "" if asked.scenario is None else f" with {asked.scenario}"
@@ -111,13 +95,41 @@ def main(arguments: Sequence[str]) -> int:
                 watcher(now)
 
         ended = serve(endpoint, emulator, stop=stop, watch=watch)
-    if faults is not None:
-        print("faults: " + (", ".join(f"{kind} {n}" for kind, n in sorted(faults.counts.items())) or "none"))
+    if emulator.faults.counts:
+        print("faults: " + ", ".join(f"{kind} {n}" for kind, n in sorted(emulator.faults.counts.items())))
     print(scored(world.score()))
     if diary is None:
         return 0
     diary.close(ended)
     return 0 if diary.whole else RecordingError.exit_code
+
+
+def _emulator(
+    asked: argparse.Namespace, world: World, faults: Specification, seed: int, diary: Diary | None
+) -> Disturbed:
+    """The robot at the end of its line, which tells the diary what passes."""
+    return Disturbed(
+        world,
+        asked.baud,
+        faults=Faults(faults, chance.streams(seed)["line"], on_fault=None if diary is None else diary.fault),
+        host_follows=asked.tcp is not None,
+        fifo=FIFO_16550,
+        robot=asked.robot,
+        turrets=asked.turrets,
+        on_request=None if diary is None else diary.request,
+    )
+
+
+@contextmanager
+def _viewed(world: World, about: dict[str, Any]) -> Iterator[Onlooker]:
+    """A window on the world; what did not reach it is told at the end."""
+    opening = partial(open_live, shown(about, world), address(), page=False, window=True)
+    follower: Follower[Any] = Follower(opening, name="the live view", waits=False)
+    try:
+        yield Onlooker(world, follower.offer)
+    finally:
+        for loss in follower.close():
+            _complain(loss)
 
 
 @contextmanager
@@ -134,17 +146,6 @@ def _signals() -> Iterator[int]:
             signal.signal(which, handler)
         os.close(wakes)
         os.close(wake)
-
-
-@contextmanager
-def _followed(opening: Callable[[], Any]) -> Iterator[Follower[Any]]:
-    """A follower of the live view; what it lost is told at the end."""
-    follower: Follower[Any] = Follower(opening, name="the live view", waits=False)
-    try:
-        yield follower
-    finally:
-        for loss in follower.close():
-            _complain(loss)
 
 
 def _complain(what: str) -> None:

@@ -24,8 +24,9 @@ example:
   khepera-hil explain last --at 12.3 --variable Vrot     that of Vrot
 
 Bits: the logarithm to base 2 of the value's probability with a term over that without it: +1 doubles it, -1 halves
-it. A variable that the question did not know is told as it was before the draw was known, and after: the value that
-gains most by it is the one that is answerable for the draw.
+it. Left out, a term counts as 1 for every value, so one that leaves this value little may still speak for it, by
+leaving others less. A variable that the question did not know is told as it was before the draw was known, and
+after: the value that gains most by it is the one that is answerable for the draw.
 """
 
 

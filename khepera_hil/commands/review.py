@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+import signal
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -11,7 +13,7 @@ from pathlib import Path
 
 from khepera_hil.commands.parser import Parser, number
 from khepera_hil.commands.recorded import add_run, add_runs, controller_of, opened
-from khepera_hil.errors import RecordingError, UsageError
+from khepera_hil.errors import RecordingError, UsageError, ViewerError
 from khepera_hil.reading import Run
 from khepera_hil.recording import Tick
 from khepera_hil.replay import answered
@@ -19,7 +21,7 @@ from khepera_hil.viewer import files, remake
 from khepera_hil.viewer.check import damage
 from khepera_hil.viewer.live import Address, address
 from khepera_hil.viewer.picture import picture
-from khepera_hil.viewer.program import end, has_screen, start
+from khepera_hil.viewer.program import end, has_screen, program, start
 
 __all__ = ["main"]
 
@@ -53,7 +55,7 @@ def main(arguments: Sequence[str]) -> int:
         elif where is not None:
             _serve(run, where, shown)
         else:
-            start([*shown, "--port", "auto"]).wait()
+            _open(shown)
     return 0
 
 
@@ -68,15 +70,11 @@ def _good(run: Run, *, anew: bool) -> Iterator[list[Path]]:
     if run.going_on:
         raise RecordingError(f"{run.name} is being recorded; review it when it has ended, or run with --view")
     print(f"{run.name}: {why}; making it anew from the log", file=sys.stderr)
-    try:
-        made = remake(run.folder, _ticks(run))
-    except RecordingError as error:
-        if "cannot be written" not in str(error):
-            raise
+    if os.access(run.folder, os.W_OK):
+        yield remake(run.folder, _ticks(run))
+    else:
         with tempfile.TemporaryDirectory() as elsewhere:
             yield remake(run.folder, _ticks(run), into=elsewhere)
-        return
-    yield made
 
 
 def _wrong(run: Run) -> str | None:
@@ -102,6 +100,14 @@ def _ticks(run: Run) -> Iterator[Tick]:
     return answered(run, questions)
 
 
+def _open(shown: list[Path]) -> None:
+    if (code := start([*shown, "--port", "auto"]).wait()) != 0:
+        raise ViewerError(
+            f"the viewer ended with code {code}; --serve shows the run in a browser, and "
+            f"{program()} {shown[0]} says what the viewer lacks"
+        )
+
+
 def _picture(asked: argparse.Namespace, run: Run, shown: list[Path]) -> None:
     png, complaints = picture(shown, asked.at, asked.size)
     try:
@@ -116,6 +122,8 @@ def _picture(asked: argparse.Namespace, run: Run, shown: list[Path]) -> None:
 
 def _serve(run: Run, where: Address, shown: list[Path]) -> None:
     arguments = ["--serve-web", "--bind", where.host, "--web-viewer-port", str(where.web_port)]
+    for which in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(which, signal.default_int_handler)  # whatever ends us ends the server too
     process = start([*shown, *arguments, "--port", str(where.grpc_port)])
     print(f"{run.name} at {where.page}; Ctrl-C ends it", flush=True)
     try:

@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import secrets
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
@@ -21,13 +22,14 @@ import serial
 from khepera_hil import chance
 from khepera_hil.budget import plan
 from khepera_hil.clock import Clock, WallClock
+from khepera_hil.commands import COMMANDS
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
 from khepera_hil.commands.scored import scored
 from khepera_hil.commands.setting import add_setting, setting_of
 from khepera_hil.commands.signals import heeded
 from khepera_hil.controllers import PROGRAMS, Controller
 from khepera_hil.errors import NoAnswer, RecordingError, UsageError
-from khepera_hil.faults import Specification
+from khepera_hil.faultspec import Specification
 from khepera_hil.follower import Follower
 from khepera_hil.guarding import Guarding, Process, Unguarded, limit
 from khepera_hil.keys import HELP, Keys, foreground
@@ -44,7 +46,7 @@ from khepera_hil.systemd import Manager
 from khepera_hil.terminal import Terminal
 from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
 from khepera_hil.viewer.live import Address, address, open_live
-from khepera_hil.viewer.program import has_screen, program
+from khepera_hil.viewer.program import has_screen
 from khepera_hil.world import arenas, load_scenario, scenarios
 
 __all__ = ["main", "parser_of_run", "port_url", "run_on_robot"]
@@ -52,19 +54,11 @@ __all__ = ["main", "parser_of_run", "port_url", "run_on_robot"]
 DEFAULT_WORLD = "furnished"
 LOCAL = "127.0.0.1"
 _TERMINAL = "the terminal"
-EPILOG = """\
-commands:
-  khepera-hil check         a robot, its line and this computer, before anything moves
-  khepera-hil emulate ...   an emulated Khepera behind a pseudo-terminal, for any program
-  khepera-hil order         an order to a run that is going on: stop, resume, vigil on ...
-  khepera-hil runs          list recorded runs
-  khepera-hil review RUN    open one in the viewer, or make a picture of it
-  khepera-hil replay RUN    ask its questions again, or ask another program on the same readings
-  khepera-hil compare RUN RUN, explain RUN, export RUN      (each has its --help)
-  khepera-hil teach ...     drive by joystick, keyboard or script, and keep what was done as a data set
-  khepera-hil identify ...  what a program learns from data sets
-  khepera-hil calibrate ... the light sensors, by turning before a lamp
-  khepera-hil paper ...     the paper's experiments, sections 5 to 8
+_COMMANDS = "\n".join(f"  khepera-hil {name:9} {does}" for name, does in COMMANDS.items() if name != "run")
+
+EPILOG = f"""\
+commands (each has its --help):
+{_COMMANDS}
 
 examples:
   khepera-hil --program home --duration 60                    on the emulated robot
@@ -149,9 +143,9 @@ def _live(asked: argparse.Namespace) -> Address | None:
     """Where viewers of the running loop are served, if they are."""
     if asked.view and not has_screen():
         raise UsageError("there is no screen here to open the viewer on; --serve shows the run in a browser")
-    if not (asked.view or asked.serve):
+    if not asked.view and asked.serve is None:
         return None
-    return address(asked.serve or LOCAL)
+    return address(LOCAL if asked.serve is None else asked.serve)
 
 
 def _guard(port: Port, asked: argparse.Namespace) -> Guarding:
@@ -208,7 +202,7 @@ def _run(
         "period_s": asked.period,
         "clock": "simulated" if clock.simulated else "wall",
         "verify": asked.verify,
-        "faults": asked.faults,
+        "faults": dict(parse_qsl(urlsplit(url).query)).get("faults"),
         "robot": {"bios": versions[0], "protocol": versions[1]},
         **service.program(),
         **about,
@@ -229,10 +223,11 @@ def _run(
             recording.follow(listener)
         viewer.wait_until_open()
         if live is not None:
-            looking = partial(open_live, recording.manifest, live, page=bool(asked.serve), window=asked.view)
-            recording.follow(Follower(looking, name="the live view", waits=False))
-            if asked.serve:
-                print(f"look on at {live.page} or by: {_rerun()} {live.stream}")
+            page = asked.serve is not None
+            looking = partial(open_live, recording.manifest, live, page=page, window=asked.view)
+            recording.follow(Follower(looking, name="the live view", waits=clock.simulated))
+            if page:
+                print(f"look on at {live.page} or by: {_called('rerun')} {live.stream}")
         if sys.stdout is not None:  # nobody looks where it was closed
             sys.stdout.flush()
             recording.follow(Follower(Terminal(sys.stdout, asked.program, note=note), name=_TERMINAL, waits=False))
@@ -307,7 +302,7 @@ def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bo
         print("faults: " + ", ".join(f"{kind} {number}" for kind, number in sorted(ending["faults"].items())))
     if ending["score"]:
         print(scored(ending["score"]))
-    print(f"recorded in {recording.folder}; to look at it: khepera-hil review {recording.folder}")
+    print(f"recorded in {recording.folder}; to look at it: {_called('khepera-hil')} review {recording.folder}")
     if as_json:
         about = {name: recording.manifest[name] for name in ("program", "seed")}
         print(json.dumps({"run": str(recording.folder), **about, **ending}))
@@ -318,10 +313,12 @@ def _remark(sentence: str) -> None:
     print(f"khepera-hil: {sentence}", file=sys.stderr)
 
 
-def _rerun() -> str:
-    """How the viewer is called here: it is installed beside the interpreter, which may not be on the PATH."""
-    path = Path(program())
-    return os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path)
+def _called(name: str) -> str:
+    """How a program is called here: it is installed beside the interpreter, which may not be on the PATH."""
+    beside = Path(sys.executable).with_name(name)
+    if shutil.which(name) is None and beside.exists():
+        return os.path.relpath(beside) if beside.is_relative_to(Path.cwd()) else str(beside)
+    return name
 
 
 def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
@@ -356,8 +353,9 @@ def port_url(
     named = unquote(parts.netloc + parts.path)
     if world is not None and named and named != world:
         raise UsageError(f"--port {port} and --world {world} name two different worlds; leave one of them out")
-    query = dict(parse_qsl(parts.query, keep_blank_values=True))
-    for key, flag in (("seed", "--seed"), ("clock", "--fast"), ("faults", "--faults")):
+    # A plus is a plus, as in disconnect@30+5.
+    query = dict(parse_qsl(parts.query.replace("+", "%2B"), keep_blank_values=True))
+    for key, flag in (("seed", "--seed"), ("clock", "--fast")):
         if key in query:
             raise UsageError(f"{key} does not go into the port's name; say {flag}")
     if scenario is not None and query.setdefault("scenario", scenario) != scenario:
@@ -367,9 +365,10 @@ def port_url(
     if not (where := world or named) and "scenario" in query:
         where = load_scenario(query["scenario"]).world or ""
     query |= {"seed": str(seed), "clock": "simulated" if fast else "wall"}
-    if faults is not None:
-        Specification.parse(faults)  # a mistake is told before anything else happens
-        query["faults"] = faults
+    if faults is not None and query.setdefault("faults", faults) != faults:
+        raise UsageError(f"--port {port} and --faults {faults} name two different faults; leave one of them out")
+    if "faults" in query:
+        Specification.parse(query["faults"])  # a mistake is told before anything else happens
     return f"emulator://{quote(where or DEFAULT_WORLD)}?{urlencode(query, quote_via=quote)}"
 
 

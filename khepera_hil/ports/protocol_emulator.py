@@ -30,10 +30,11 @@ from khepera_hil.clock import Clock, SimulatedClock, WallClock
 from khepera_hil.disturbed import Disturbed
 from khepera_hil.emulator import Emulator
 from khepera_hil.errors import UsageError
-from khepera_hil.faults import Faults, Specification
+from khepera_hil.faults import Faults
+from khepera_hil.faultspec import Specification
 from khepera_hil.rom import turrets
 from khepera_hil.uart import FIFO_16550
-from khepera_hil.world import Order, World, load_scenario
+from khepera_hil.world import LinkFault, Order, World, load_scenario
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -279,9 +280,9 @@ def _parsed(url: str) -> tuple[World, Callable[[], WallClock | SimulatedClock], 
     fittings: dict[str, Any] = {"robot": given["robot"]} if "robot" in given else {}
     if "turrets" in given:
         fittings["turrets"] = turrets(given["turrets"])
-    if "faults" in given:
-        chances = chance.streams(_whole("seed", given.get("seed", "0")))
-        fittings["faults"] = Faults(Specification.parse(given["faults"]), chances["line"])
+    if "faults" in given or world.next_due(LinkFault) is not None:
+        specification = Specification.parse(given["faults"]) if "faults" in given else Specification(())
+        fittings["faults"] = Faults(specification, chance.streams(_whole("seed", given.get("seed", "0")))["line"])
     return world, _CLOCKS[clock], _whole("baud", given["baud"]) if "baud" in given else None, fittings
 
 

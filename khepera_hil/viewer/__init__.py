@@ -20,7 +20,7 @@ from khepera_hil.recording import Tick
 if TYPE_CHECKING:
     from khepera_hil.viewer.segments import Segments
 
-__all__ = ["FILE", "HOUR", "ROWS_FAST", "ROWS_WALL", "files", "open_file", "remake"]
+__all__ = ["FILE", "PIECE", "ROWS_FAST", "ROWS_WALL", "files", "open_file", "remake"]
 
 FILE = "run.rrd"
 
@@ -30,11 +30,11 @@ ROWS_WALL = 10
 ROWS_FAST = 50
 """Ticks held back with the simulated clock, where a killed run is simply run again; a smaller, cheaper file."""
 
-HOUR = 3600.0
-"""Seconds of the robot's time in one file; a longer run has ``run-0001.rrd`` and so on."""
+PIECE = 1200.0
+"""Seconds of the robot's time in one file, some 80 MB; a longer run has ``run-0001.rrd`` and so on."""
 
 
-def open_file(path: Path | str, manifest: Mapping[str, Any], *, rows: int, seconds: float = HOUR) -> Segments:
+def open_file(path: Path | str, manifest: Mapping[str, Any], *, rows: int, seconds: float = PIECE) -> Segments:
     """A sink that writes a run of ``manifest`` to ``path`` (overwritten), ``rows`` ticks to a chunk."""
     # rerun's own log would speak between our lines; what it loses is found at the flush, and told once.
     os.environ.setdefault("RUST_LOG", "off")
@@ -54,7 +54,7 @@ def remake(
     ticks: Iterable[Tick] | None = None,
     *,
     into: Path | str | None = None,
-    seconds: float = HOUR,
+    seconds: float = PIECE,
 ) -> list[Path]:
     """Make the viewer's files of a run anew from its manifest and log; the old ones stay until the new are whole.
 

@@ -1,4 +1,4 @@
-"""The viewer's file of a long run in pieces, an hour each, so that neither memory nor a file grows without end.
+"""The viewer's file of a long run in pieces, so that neither memory nor a file grows without end.
 
 A file's footer is kept in memory until the file is closed (about a kilobyte for each chunk), and no viewer likes
 to open a whole day at once. Each piece has the layout and all that never changes; the pieces of a run share its

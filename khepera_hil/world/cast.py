@@ -172,7 +172,7 @@ class Director:
         self._look_ahead()
 
     def flames(self) -> dict[str, Pose]:
-        """Where every flame of the scenario is, by name: metres are not for here, mm."""
+        """Where every flame of the scenario is, by name, mm: it burns, or lies on the shelf."""
         burning = {flame.light.lamp.name: flame.light.lamp for flame in self._fires.burning}
         return {
             name: (burning[name].x, burning[name].y, 0.0) if name in burning else self._cast.shelf[name]
@@ -198,6 +198,7 @@ class Director:
             self._waiting = [waits for waits in self._waiting if _name(waits) != event.name]
             self._remove(event.name)
         elif isinstance(event, (PutDown, Mover)):
+            self._waiting = [waits for waits in self._waiting if _name(waits) != _name(event)]
             self._remove(_name(event))
             self._waiting.append(event)
 

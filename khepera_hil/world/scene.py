@@ -116,6 +116,13 @@ class _Near(NamedTuple):
     solids: list[Solid]
     edges: Array
     discs: Array
+    edge_columns: Array
+    disc_columns: Array
+    """The first columns of both, to be met by rays: shapes (6, n, 1) and (3, n, 1)."""
+    reflectance: Array
+    """Of all edges, then of all discs."""
+    outline: Array
+    """Of these too: whose it is, its place on the outline, its own turn, its length (a disc's: for each radian)."""
 
 
 class Hits(NamedTuple):
@@ -176,18 +183,18 @@ class Scene:
         found: list[tuple[Array, Array, NDArray[np.intp], Array]] = []
         columns = np.arange(rays.count)
         if len(near.edges):
-            x, y, along_x, along_y, moment, shrink = near.edges.T[:6, :, None]
+            x, y, along_x, along_y, moment, shrink = near.edge_columns
             # An edge from a along e meets a ray from o along d where o + t d = a + u e; with cross products,
             # t = (a - o) x e / (d x e) and u = (a - o) x d / (d x e). Counter-clockwise edges cross a ray from
             # its right when they are seen from outside: d x e < 0.
             across = np.minimum(way_x * along_y - way_y * along_x, -1e-12)
             t = (moment - (from_x * along_y - from_y * along_x)) / across
             u = (x * way_y - y * way_x - (from_x * way_y - from_y * way_x)) / across
-            t[(np.abs(u - 0.5) > 0.5) | (t < 0) | (t > reach)] = _NOWHERE
+            t[(np.abs(u - 0.5) > 0.5) | (np.abs(t - reach / 2) > reach / 2)] = _NOWHERE
             row = t.argmin(0)
             found.append((t[row, columns], across[row, columns] * shrink[row, 0], row, u[row, columns]))
         if len(near.discs):
-            x, y, radius = near.discs.T[:3, :, None]
+            x, y, radius = near.disc_columns
             away_x, away_y = x - from_x, y - from_y
             middle = away_x * way_x + away_y * way_y
             square = middle * middle - away_x * away_x - away_y * away_y + radius * radius
@@ -205,8 +212,7 @@ class Scene:
             nearer = found[1][0] < distance
             distance, cosine, row, along = (np.where(nearer, b, a) for a, b in zip(*found, strict=True))
         met = distance < _NOWHERE
-        reflectance = np.concatenate([near.edges[:, 6], near.discs[:, 3]])
-        return Hits(distance, cosine * met, reflectance[row] * met, row, along, near)
+        return Hits(distance, cosine * met, near.reflectance[row] * met, row, along, near)
 
     @staticmethod
     def surface(hits: Hits) -> tuple[NDArray[np.intp], Array]:
@@ -214,26 +220,22 @@ class Scene:
 
         Of no meaning where nothing was hit.
         """
-        edges, discs = hits.near.edges, hits.near.discs
-        whose = np.concatenate([edges[:, 7], discs[:, 4]])
-        begin = np.concatenate([edges[:, 8], np.zeros(len(discs))])
-        turn = np.concatenate([np.zeros(len(edges)), discs[:, 5]])
-        scale = np.concatenate([edges[:, 9], discs[:, 2]])
-        row = hits.row
-        along = np.where(row < len(edges), hits.along, (hits.along - turn[row]) % (2 * math.pi))
-        return whose[row].astype(np.intp), begin[row] + along * scale[row]
+        whose, begin, turn, scale = hits.near.outline[:, hits.row]
+        round_ = hits.row >= len(hits.near.edges)
+        along = np.where(round_, (hits.along - turn) % (2 * math.pi), hits.along)
+        return whose.astype(np.intp), begin + along * scale
 
     def _neighbourhood(self, poses: Sequence[Pose], farthest: float, reach: float) -> _Near:
         """All that rays of ``reach`` may meet which start ``farthest`` from any place near the poses."""
         near, wide = self._near, self._neighbours
         if near is not None and near.version == self._version and near.reach == reach:
-            (x, y, _), (last_x, last_y, _) = poses[0], poses[-1]
-            if max(abs(x - near.x), abs(y - near.y), abs(last_x - near.x), abs(last_y - near.y)) <= wide:
+            x, y, _ = poses[-1]
+            if abs(x - near.x) <= wide and abs(y - near.y) <= wide:
                 return near
         x, y, _ = poses[-1]
-        # Twice: of several poses, which lie close together, only the first and the last are compared.
+        # Twice: of several poses, which lie close together, only the last is compared.
         slack = 2 * wide + farthest
-        solids = [solid for solid in self._solids if _within(solid, x, x, y, y, reach + slack)]
+        solids = [solid for solid in self._solids if _within(solid, x, y, reach + slack)]
         edges: list[tuple[float, ...]] = []
         discs: list[tuple[float, ...]] = []
         for solid in solids:
@@ -260,8 +262,25 @@ class Scene:
                         )
                     )
                 begin += length
-        tables = np.array(edges).reshape(-1, 10), np.array(discs).reshape(-1, 6)
-        self._near = _Near(self._version, x, y, reach, solids, *tables)
+        straight, round_ = np.array(edges).reshape(-1, 10), np.array(discs).reshape(-1, 6)
+        self._near = _Near(
+            self._version,
+            x,
+            y,
+            reach,
+            solids,
+            straight,
+            round_,
+            np.ascontiguousarray(straight.T[:6, :, None]),
+            np.ascontiguousarray(round_.T[:3, :, None]),
+            np.concatenate([straight[:, 6], round_[:, 3]]),
+            np.concatenate(
+                [
+                    np.column_stack([straight[:, 7], straight[:, 8], 0 * straight[:, 8], straight[:, 9]]),
+                    np.column_stack([round_[:, 4], 0 * round_[:, 4], round_[:, 5], round_[:, 2]]),
+                ]
+            ).T,
+        )
         return self._near
 
     def shadows(self, key: object, lamp: tuple[float, float, float], width: float, pose: Pose) -> list[Solid]:
@@ -349,25 +368,25 @@ class Scene:
 
 
 _TOUCHING = 3.0  # mm behind a sensor at which a line of sight begins, so that what touches it hides the light
-_ON_THE_WAY = 15.0  # mm from the first or the last of several poses to any between
-_ROBOT = 50.0  # mm from a pose to its sensors, where it was 20 ms before or after too
+_ON_THE_WAY = 20.0  # mm from one of several poses to any other: 20 ms at the robot's top speed
+_ROBOT = 50.0  # mm from one of several poses to a sensor at any other
 
 
-def _within(solid: Solid, least_x: float, most_x: float, least_y: float, most_y: float, reach: float) -> bool:
+def _within(solid: Solid, x: float, y: float, reach: float) -> bool:
     left, low, right, high = solid.box
-    return left - reach < most_x and least_x < right + reach and low - reach < most_y and least_y < high + reach
+    return left - reach < x < right + reach and low - reach < y < high + reach
 
 
 def _any_within(solids: list[Solid], poses: Sequence[Pose], reach: float) -> bool:
-    """Whether anything stands so near to a pose that lies on the way from the first to the last."""
-    for pose in (poses[-1],) if len(poses) == 1 else (poses[0], poses[-1]):
-        x, y, _ = pose
-        for solid in solids:
-            left, low, right, high = solid.box
-            across = left - x if x < left else x - right if x > right else 0.0
-            up = low - y if y < low else y - high if y > high else 0.0
-            if across * across + up * up <= (reach + _ON_THE_WAY) ** 2:
-                return True
+    """Whether anything stands so near to one of the poses, which lie close together."""
+    x, y, _ = poses[-1]
+    squared = (reach + _ON_THE_WAY) ** 2
+    for solid in solids:
+        left, low, right, high = solid.box
+        across = left - x if x < left else x - right if x > right else 0.0
+        up = low - y if y < low else y - high if y > high else 0.0
+        if across * across + up * up <= squared:
+            return True
     return False
 
 

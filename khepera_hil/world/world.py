@@ -37,9 +37,10 @@ E = TypeVar("E", bound=Event)
 STEP = 0.005
 """Seconds of one step of physics."""
 
-_SCAN = STEP / SCANS_A_STEP  # s from one sensor's scan to the next one's: 20 ms for all eight
-# (Khepera User Manual 5.02, section 3.1.6)
-_STEPS_A_WATT = 4  # the battery is reckoned with every 20 ms
+_SCAN = STEP / SCANS_A_STEP
+"""Seconds from one sensor's scan to the next one's: 20 ms for all eight (Khepera User Manual 5.02, 3.1.6)."""
+
+_STEPS_A_RECKONING = 4  # of what the battery gave, every 20 ms
 _STEPS_A_LOOK = 10  # whether a mover is in view, every 50 ms
 
 _ROBOT_HEIGHT = 29.0  # mm (paper, section 4.1)
@@ -151,7 +152,7 @@ class World:
             score(now, STEP, pose[:2], physics.touching > physics.meeting)
             if step >= camera.next:
                 camera.take(moment, before.pose)
-            if step % _STEPS_A_WATT == 0:
+            if step % _STEPS_A_RECKONING == 0:
                 self._reckon()
             if director.walking and step % _STEPS_A_LOOK == 0:
                 self._look(moment, now)
@@ -169,7 +170,7 @@ class World:
         (left, right), (was_left, was_right) = self._wheels.travel, self._rolled
         self._rolled = left, right
         rolled = abs(left - was_left) + abs(right - was_right)
-        self.battery.step(_STEPS_A_WATT * STEP, rolled, self._score.inside)
+        self.battery.step(_STEPS_A_RECKONING * STEP, rolled, self._score.inside)
 
     def _look(self, moment: Moment, now: float) -> None:
         seen = {self._cast.shapes[place].name for place in self._camera.sees(moment)}

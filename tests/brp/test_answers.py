@@ -177,7 +177,9 @@ def test_a_plan_that_may_fold_nothing_answers_the_same(data: st.DataObject) -> N
     program = data.draw(programs())
     term = data.draw(questions(program))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("brp.plan.FOLD", 0)
-        patch.setattr("brp.plan.LEAF", data.draw(st.sampled_from([0, 10, 10**6])))
+        patch.setattr("brp.tables.FOLD", 0)
+        patch.setattr("brp.tables.LEAF", data.draw(st.sampled_from([0, 10, 10**6])))
         patch.setattr("brp.plan.SUMS", 1)
+        patch.setattr("brp.order.DEAR", data.draw(st.sampled_from([0, 10**6])))
+        patch.setattr("brp.logs.BLOCK", data.draw(st.sampled_from([0, 10**6])))
         check(program[0].ask(term), program[1])

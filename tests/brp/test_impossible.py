@@ -185,7 +185,7 @@ def test_a_filled_question_is_a_conditional_distribution_wherever_it_stands(data
     }
     outer = Specification(forms).identify()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("brp.plan.FOLD", data.draw(st.sampled_from([0, 10, 10**5])))
+        patch.setattr("brp.tables.FOLD", data.draw(st.sampled_from([0, 10, 10**5])))
         for asked in (P(X), P(X | B), P(X | K, C), P(K | X), P(B, C | X, K), P(X | B, C, K)):
             question = outer.ask(asked)
             wanted = Joint(tables).conditional(asked)

@@ -38,7 +38,7 @@ def test_soft_evidence_weighs_the_joint_written_out_in_full(data: st.DataObject)
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))
     with pytest.MonkeyPatch.context() as patch:
         if data.draw(st.booleans()):
-            patch.setattr("brp.plan.FOLD", 0)
+            patch.setattr("brp.tables.FOLD", 0)
         question = description.ask(asked, soft=soft)
     hard = [v for v in asked.given if v not in soft]
     for values in list(product(*(v.values for v in hard)))[:12]:

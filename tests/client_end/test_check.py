@@ -36,6 +36,17 @@ def test_the_emulated_robot_is_well(capsys: pytest.CaptureFixture[str]) -> None:
     }  # fmt: skip
 
 
+def test_on_a_bad_line_the_check_goes_on_and_counts(capsys: pytest.CaptureFixture[str]) -> None:
+    port = "emulator://empty?faults=flip=0.01,boot@1.5/1&robot=khepera2"
+    assert main(["check", "--port", port, "--baud", "115200", "--n", "40", "--seconds", "1", "--json"]) == 1
+    said = capsys.readouterr().out
+    assert "robot     Khepera II: BIOS 6.01" in said
+    trips = result(said)["round_trips_ms"]
+    assert 0 < sum(of_letter["lost"] for of_letter in trips.values()) < 80
+    assert "requests had no usable answer: see the cable" in said
+    assert "0 charger:" in said
+
+
 def test_what_should_be_looked_at_is_said_and_no_wheel_is_moved(
     cable: Cable, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -65,3 +76,10 @@ def test_a_port_without_a_robot_has_its_exit_code(cable: Cable, capsys: pytest.C
     assert main(["check", "--port", "/dev/nowhere", *QUICK]) == 3
     assert main(["check", "--port", cable.name, "--n", "none"]) == 2
     assert "is no number of times" in capsys.readouterr().err
+
+
+def test_a_period_that_the_line_cannot_keep_is_not_the_computers_fault(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "--period", "0.02", "--n", "1", "--seconds", "0.2"]) == 1
+    said = capsys.readouterr().out
+    assert "! N and O need 34 ms at this rate: a loop of 20 ms cannot read them" in said
+    assert "is this computer busy" not in said

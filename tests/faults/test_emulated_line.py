@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -105,3 +106,25 @@ def test_a_robot_whose_host_stalls_is_read_again_when_it_is_over() -> None:
             khepera.proximity()
         port.clock.sleep_until(1.4)
         assert len(khepera.proximity()) == 8
+
+
+def test_a_scenarios_troubles_are_on_the_line(tmp_path: Path) -> None:
+    scenario = tmp_path / "silence.toml"
+    scenario.write_text(
+        'title = "silence"\n[[event]]\nat_s = 2\nkind = "link-fault"\nfault = "silent"\nlasts_s = 1\n'
+    )
+    with closing(open_port(f"{URL}&scenario={scenario}", 38400)) as port:
+        emulated: Any = port
+        khepera = khepera_behind(emulated)
+        khepera.handshake()
+        heard = []
+        for tenth in range(1, 40):
+            emulated.clock.sleep_until(tenth / 10)
+            try:
+                heard.append(len(khepera.proximity()) == 8)
+            except NoAnswer:
+                heard.append(False)
+        assert heard[:19] == [True] * 19
+        assert not any(heard[20:28])
+        assert all(heard[31:])
+        assert emulated.witness.faults()["drop"] > 0

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from khepera_hil.errors import UsageError
-from khepera_hil.faults import BOOT_TEXT, BYTE_KINDS, GROUPS, KINDS, LINE_KINDS, Fault, Faults, Specification
+from khepera_hil.faults import BOOT_TEXT, Fault, Faults
+from khepera_hil.faultspec import BYTE_KINDS, GROUPS, KINDS, LINE_KINDS, Specification
 
 ANSWER = b"n,0,1,20,300,1023,5,0,7\r\n"
 
@@ -38,6 +39,26 @@ def test_a_specification_is_read_as_it_is_written() -> None:
         ("disconnect", 0.0, 5.0, None, 30.0, None),
         ("stall", 0.0, 0.2, None, 10.0, 60.0),
     ]
+
+
+def test_a_rate_may_hold_for_a_while_only() -> None:
+    (rule,) = Specification.parse("late=0.5:0.02@30+5").rules
+    assert (rule.rate, rule.seconds, rule.at, rule.since, rule.until) == (0.5, 0.02, None, 30.0, 35.0)
+    faults = Faults("lose=1@30+5,drop=1@32+1")
+    assert faults.to_host(ANSWER, 29.9) == ANSWER
+    for moment in (30.0, 32.5, 34.9):
+        assert faults.to_host(ANSWER, moment) == b""
+    assert faults.counts == {"lose": 3, "drop": len(ANSWER)}
+    assert faults.to_host(ANSWER, 35.0) == ANSWER
+
+
+def test_trouble_may_come_later() -> None:
+    faults = Faults(Specification(()))
+    assert faults.to_host(ANSWER, 1.0) == ANSWER
+    faults.trouble("drop", 1.0, 1.5, 2.0)
+    assert faults.to_robot(b"N\n", 1.4) == b"N\n"
+    assert faults.to_robot(b"N\n", 1.5) == faults.to_host(ANSWER, 1.9) == b""
+    assert faults.to_robot(b"N\n", 2.0) == b"N\n"
 
 
 @pytest.mark.parametrize("group", GROUPS)
@@ -72,6 +93,8 @@ def test_a_group_shares_its_rate(group: str) -> None:
         ("flip=0.7,drop=0.7", "faults of a byte add up to 1.4: at most 1"),
         ("seed=x,flip=1", "a seed is a whole number"),
         ("flip=1e-3;late=1", "is no number of a rate"),
+        ("late=1@5", "is no fault: write KIND=RATE"),
+        ("late=1@5+x", "'x' is no number of seconds"),
         ("late=1:inf", "'inf' is no number of seconds from 0 to 3600"),
     ],
 )

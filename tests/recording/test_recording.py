@@ -195,7 +195,17 @@ def test_a_half_last_line_is_passed_over(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "line",
-    [b"{", b"[1,2]", b'{"tick":"3"}', b'{"tick":NaN}', b"\xff\xfe", b"[" * 100_000, b"", b"__import__('os')"],
+    [
+        b"{",
+        b"[1,2]",
+        b'{"tick":"3"}',
+        b'{"tick":NaN}',
+        b"\xff\xfe",
+        b"[" * 100_000,
+        b"",
+        b"__import__('os')",
+        b'{"tick":2,"t":"\\ud800"}',
+    ],
 )
 def test_a_damaged_line_is_refused_with_file_and_line(tmp_path: Path, line: bytes) -> None:
     recording = create(tmp_path)
@@ -291,6 +301,27 @@ def test_the_hash_of_an_answer_is_of_its_numbers_and_stays() -> None:
     assert digest(p) == "afe9e75d1f86818f"  # b2sum -l 64 of the 32 bytes
     assert digest(np.asfortranarray(p)) == digest(p.astype(">f8")) == digest(p)
     assert digest(np.nextafter(p, 1)) != digest(p)
+
+
+probabilities = st.lists(st.floats(0, 1), min_size=2, max_size=40).filter(lambda p: sum(p) > 0.01)
+
+
+@given(probabilities, st.data())
+def test_two_sketches_are_no_further_apart_than_their_distributions(p: list[float], data: st.DataObject) -> None:
+    def answer(values: list[float]) -> Answer:
+        whole = np.array(values) / sum(values)
+        return Answer("q", ("A",), (tuple(range(len(values))),), whole)
+
+    one = answer(p)
+    other = answer(data.draw(st.permutations(p)))
+    assert abs(one.sketch() - other.sketch()) <= np.abs(one.p - other.p).sum() + 1e-12
+    assert answer(p).sketch() == one.sketch()
+
+
+def test_an_answer_that_is_no_distribution_does_not_stop_the_log() -> None:
+    tick = next(synthetic.ticks(1))
+    tick.answers["H"] = Answer("q", ("A",), ((0, 1),), np.array([np.nan, 1.0]))
+    assert json.loads(tick.line())["sketch"]["H"] is None
 
 
 def test_nothing_is_written_after_the_end(tmp_path: Path) -> None:

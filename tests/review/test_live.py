@@ -13,11 +13,13 @@ import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import pytest
 
 from khepera_hil.errors import UsageError
 from khepera_hil.follower import Follower
+from khepera_hil.reading import Run
 from khepera_hil.viewer import program
 from khepera_hil.viewer.live import Address, LiveView, address, open_live
 from khepera_hil.viewer.program import software_rendering
@@ -124,7 +126,7 @@ def test_a_run_that_is_served_says_where_and_loses_nothing(tmp_path: Path) -> No
     result = json.loads(out.splitlines()[-1])
     manifest = json.loads((tmp_path / result["run"] / "manifest.json").read_text())
     assert manifest["ending"]["losses"] == []
-    with pytest.raises(OSError, match="refused"):
+    with pytest.raises(OSError, match=r"refused|reset"):
         urllib.request.urlopen(said.split()[3], timeout=5)
 
 
@@ -204,3 +206,25 @@ def test_a_window_is_opened_on_the_stream_and_nowhere_else(tmp_path: Path, monke
         assert time.monotonic() < end
         time.sleep(0.05)
     assert (tmp_path / "asked").read_text() == f"{where.stream} --port auto "
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_a_recorded_run_is_shown_in_a_browser_until_ctrl_c(how: signal.Signals, home: Run, tmp_path: Path) -> None:
+    process = start("review", home.folder, "--serve", cwd=tmp_path)
+    try:
+        said = line_with(process, "Ctrl-C ends it")
+        url = next(word for word in said.split() if word.startswith("http")).rstrip(";")
+        assert b"rerun" in fetched(url).lower()
+        if CHROMIUM is not None and how == signal.SIGINT:
+            stream = unquote(url.partition("url=rerun%2B")[2]).removesuffix("/proxy")
+            with browser(tmp_path) as page:
+                page.open(url)
+                assert page.wait_for(stream, 50_000, 120), "the run's data"
+        process.send_signal(how)
+        _, err = process.communicate(timeout=60)
+        assert (process.returncode, err) == (0, "")
+        with pytest.raises(OSError, match=r"refused|reset"):
+            urllib.request.urlopen(url, timeout=5)
+    finally:
+        process.kill()
+        process.communicate()

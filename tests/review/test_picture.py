@@ -87,3 +87,14 @@ def test_review_makes_the_picture_of_a_run_at_a_time(tmp_path: Path, copy: Path,
     again = say("review", copy, "--picture", tmp_path / "end.png", "--size", "1280x720")
     assert (again.code, again.err) == (0, ""), "now it is there"
     assert (tmp_path / "end.png").read_bytes() != (tmp_path / "at.png").read_bytes()
+
+
+def test_where_nothing_can_draw_it_says_what_is_needed(
+    tmp_path: Path, copy: Path, monkeypatch: pytest.MonkeyPatch, say: Callable[..., Any]
+) -> None:
+    nothing = {"VK_ICD_FILENAMES": "/nothing.json", "VK_DRIVER_FILES": "/nothing.json"}
+    monkeypatch.setattr("khepera_hil.viewer.program.software_rendering", lambda: nothing)
+    said = say("review", copy, "--picture", tmp_path / "x.png")
+    assert said.code == 1
+    assert "mesa-vulkan-drivers" in said.err
+    assert not (tmp_path / "x.png").exists()

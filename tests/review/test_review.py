@@ -73,6 +73,14 @@ def test_a_run_that_was_killed_is_made_anew_and_one_of_an_unknown_program_withou
     assert len(rows(copy / FILE, "/motors", "Scalars:scalars")) == 120
 
 
+def test_a_viewer_that_fails_is_told(home: Run, monkeypatch: pytest.MonkeyPatch, say: Callable[..., Any]) -> None:
+    monkeypatch.setattr("khepera_hil.viewer.program.program", lambda: "/bin/false")
+    monkeypatch.setenv("DISPLAY", ":0")
+    said = say("review", home.folder)
+    assert said.code == 1
+    assert "the viewer ended with code 1" in said.err
+
+
 def test_without_a_screen_it_says_what_to_do_instead(
     copy: Path, monkeypatch: pytest.MonkeyPatch, say: Callable[..., Any]
 ) -> None:

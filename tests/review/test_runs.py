@@ -77,7 +77,12 @@ def test_a_run_is_found_by_its_path_its_name_or_as_the_last(runs: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "sentence"),
-    [("nowhere", "there is no run nowhere"), ("file", "is a file"), ("empty", r"is not a run's folder")],
+    [
+        ("nowhere", "there is no run nowhere"),
+        ("file", "is a file"),
+        ("empty", r"is not a run's folder"),
+        ("long" * 100, "cannot be read: File name too long"),
+    ],
 )
 def test_what_is_no_run_is_refused_in_a_sentence(
     tmp_path: Path, name: str, sentence: str, monkeypatch: pytest.MonkeyPatch
@@ -95,8 +100,9 @@ def test_the_last_of_none_is_refused_in_a_sentence(tmp_path: Path, say: Callable
     assert "no recorded run" in said.err
 
 
-@pytest.mark.parametrize("command", [name for name in COMMANDS if name not in ("run", "emulate")])
+@pytest.mark.parametrize("command", ["runs", "review", "replay", "compare", "explain", "export"])
 def test_each_command_has_a_page_of_help_with_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command in COMMANDS
     with pytest.raises(SystemExit) as end:
         outcome([command, "--help"])
     assert end.value.code == 0

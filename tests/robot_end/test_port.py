@@ -220,3 +220,25 @@ def test_the_wires_pace_follows_the_tool_serial_when_the_port_does() -> None:
         start = port.clock.now()
         assert ask(port, b"B\n") == b"b,5.01,5.00\r\n"
         assert port.clock.now() - start <= wire_seconds(2 + 13 + 4, 38400) + 1e-9
+
+
+@pytest.mark.parametrize("end", [b"\r", b"\n", b"\r\n"])
+@pytest.mark.parametrize("habit", ["ahead", "one by one", "byte by byte"])
+def test_programs_of_all_habits_are_answered_alike(end: bytes, habit: str) -> None:
+    commands = [b"B", b"G,7,-8", b"H", b"D,3,-3", b" K ", b"L,1,2", b"huh", b"T,2,B", b"R,32", b"D,0,0"]
+    with opened() as port:
+        said = b""
+        for command in commands:
+            line = command + end
+            for piece in [line[i : i + 1] for i in range(len(line))] if habit == "byte by byte" else [line]:
+                port.write(piece)
+            if habit == "one by one":
+                said += port.read_until(b"\r\n")
+        while not said.endswith(b"r,0\r\nd\r\n"):
+            piece = port.read(max(1, port.in_waiting))
+            assert piece
+            said += piece
+    lines = said.decode().split("\r\n")
+    assert lines[:2] == ["b,5.01,5.00", "g"]
+    assert lines[4].startswith("k,0,0,")
+    assert lines[5:] == ["l", "Command not found", "t,2,b,1,2", "r,0", "d", ""]

@@ -337,3 +337,15 @@ def test_an_event_that_makes_no_sense_in_the_arena_names_file_and_key(
     path.write_text(HEAD + text)
     with pytest.raises(WorldError, match=r"mine\.toml: event\[0\]\." + complaint):
         World("furnished", 1, str(path))
+
+
+def test_what_is_taken_away_from_under_the_robots_nose_is_touched_no_longer() -> None:
+    block = box("block", "block", 40, 60, (560, 500, 0), 40, mass=1000)
+    there = world(TakeAway(3.0, "block"), things=[block])
+    there.set_speed(50, 50)
+    there.advance(2.9)
+    assert there._physics.touching == 1
+    there.advance(5.0)
+    assert there._physics.touching == 0
+    assert there.score()["contact_longest_s"] < 3.0
+    assert there.pose()[0] > 0.6

@@ -184,7 +184,7 @@ def test_a_reading_computed_late_equals_one_computed_at_once(seed: int) -> None:
 
     at_once, late = make(), make()
     for world in (at_once, late):
-        drive(world, 8, 6, 0.0)
+        drive(world, *((8, 6) if seed < 2 else (120, 108)), 0.0)
     scanned = [at_once.proximity(), at_once.light()]
     for scan in range(1, 1200):
         at_once.advance(scan * 0.0025)

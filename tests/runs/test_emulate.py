@@ -85,6 +85,12 @@ def test_behind_a_port_of_its_own_choice_with_robot_and_turrets() -> None:
         assert ended(process, signal.SIGHUP).startswith("score: ")
 
 
+def test_a_log_into_a_pipe_that_nobody_reads_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    assert main(["emulate", "--tcp", ":0", "--log", str(tmp_path / "pipe")]) == 6
+    assert "cannot be written: No such device or address" in capsys.readouterr().err
+
+
 def test_a_scenario_brings_its_own_world() -> None:
     with emulating("--tcp", "127.0.0.1:0", "--scenario", "visitors") as process:
         assert " in watchman with visitors, seed " in first_line(process)

@@ -32,23 +32,24 @@ reads = 777
 """
 
 
-def test_a_scenario_brings_its_arena_and_its_orders_stand_in_the_log(tmp_path: Path) -> None:
+def test_a_scenario_brings_its_arena_its_orders_and_what_happens_in_the_world(tmp_path: Path) -> None:
     (tmp_path / "orders.toml").write_text(ORDERS)
     done = khepera_hil(
         "--fast", "--duration", "2", "--seed", "1", "--scenario", "orders.toml", "--json", cwd=tmp_path
     )
     assert done.code == 0, done.err
     run = tmp_path / done.result["run"]
-    told = read_manifest(run)["world"]
-    assert (told["name"], told["scenario"]) == ("watchman", "orders.toml")
+    world = read_manifest(run)["world"]
+    assert (world["name"], world["scenario"]) == ("watchman", "orders.toml")
     ticks = list(read_ticks(run))
-    orders = {round(tick["t"], 1): tick["orders"] for tick in ticks if tick["orders"]}
-    assert len(orders) == 2
-    first, second = orders
-    assert [orders[first], orders[second]] == [["vigil on"], ["vigil off"]]
-    # The clock stands at 0.04 s when the handshake is over and the loop begins.
-    assert 0.3 <= first <= 0.6
-    assert second == pytest.approx(first + 0.5)
+    # home takes no such orders, and says so in the tick in which each came.
+    told = [(tick["t"], text) for tick in ticks for _, text in tick["events"] if "'vigil o" in text]
+    (on, refused), (off, refused_too) = told
+    assert "home knows no order 'vigil on'" in refused
+    assert "home knows no order 'vigil off'" in refused_too
+    # Some tenths of a second of the world's time are over when the handshake is, and the loop begins.
+    assert 0 < on < 0.6
+    assert off == pytest.approx(on + 0.5)
     readings = [tick["raw"]["N"].split(",")[4] for tick in ticks]
     assert "777" not in readings[:2]
     assert set(readings[8:]) == {"777"}

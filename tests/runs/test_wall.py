@@ -198,7 +198,7 @@ def test_an_order_that_the_program_does_not_know_is_refused_in_a_sentence(tmp_pa
         assert done.err == "khepera-hil: avoid knows no order 'vigil on'; it takes stop and resume\n"
         assert khepera_hil("order", "--run", the_run(tmp_path), "stop", cwd=tmp_path).code == 0
         process.communicate(timeout=30)
-        assert [tick["orders"] for tick in ticks(the_run(tmp_path)) if tick["orders"]] == [["stop"]]
+        assert [tick["orders"] for tick in ticks(the_run(tmp_path)) if tick["orders"]] == [["vigil on"], ["stop"]]
 
 
 def test_without_a_run_an_order_says_so(tmp_path: Path) -> None:
@@ -220,8 +220,9 @@ def test_a_run_that_is_killed_or_held_up_leaves_wheels_that_stand_still(tmp_path
             run = the_run(tmp_path)
             eventually(lambda: len(ticks(run)) > 3)
             process.send_signal(number)
-            eventually(lambda: (run / "guard.jsonl").exists())
-            acted = json.loads((run / "guard.jsonl").read_text())
+            left = run / "guard.jsonl"
+            eventually(lambda: left.exists() and left.read_text().endswith("\n"))
+            acted = json.loads(left.read_text())
             assert acted["sent"] is True
             numbers = [tick["tick"] for tick in ticks(run)]
             assert numbers == list(range(len(numbers)))

@@ -1,0 +1,107 @@
+"""What a user gets wrong is answered with a sentence that names it, at once, and before anything is allocated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from brp import (
+    BrpError,
+    DataError,
+    Dirac,
+    EvidenceError,
+    Form,
+    Gaussian,
+    Histogram,
+    Laplace,
+    NotAValue,
+    P,
+    QuestionError,
+    Sigmoid,
+    Specification,
+    SpecificationError,
+    Switch,
+    Table,
+    Term,
+    TermError,
+    TooLarge,
+    Uniform,
+    Variable,
+)
+
+A, B, Prox = Variable("A", range(3)), Variable("B", range(2)), Variable("Prox", range(16))
+BIG = [Variable(f"G{k}", range(10_000)) for k in range(4)]
+EVEN: dict[Term, Form] = {P(v): Uniform() for v in (B, Prox, *BIG)}
+asked = Specification({**EVEN, P(A | B): Table(np.full((3, 2), 1 / 3))}).identify().ask(P(A | B))
+# What a type checker would refuse already.
+NOTHING: Any = None
+LISTED: Any = [1]
+THREE: Any = 3
+NO_TERM: Any = A
+softly = asked.description.ask(P(A | B), soft=B)
+
+
+@pytest.mark.parametrize(
+    ("slip", "refusal", "words"),
+    [
+        (lambda: Variable("X", [1.0, float("nan")]), TermError, "nan is no value"),
+        (lambda: Variable("X", [NOTHING, 1]), TermError, "None is no value"),
+        (lambda: Variable("X", [LISTED, 2]), TermError, "no value for a variable"),
+        (lambda: Specification({P(A, B): Dirac((1,))}), SpecificationError, "a tuple of 2 values"),
+        (lambda: Specification({P(A, B): Dirac(1)}), SpecificationError, "a tuple of 2 values"),
+        (lambda: Switch(B, {0: Uniform(), 1: THREE}), SpecificationError, "3 for 1, which is no form"),
+        (
+            lambda: Specification({**EVEN, P(A | B): Switch(Prox, dict.fromkeys(range(16), Uniform()))}),
+            SpecificationError,
+            "which is not right of its bar",
+        ),
+        (
+            lambda: Specification({P(Prox): Uniform(), P(B | Prox): Sigmoid(1, alpha=float("nan"), beta=1)}),
+            SpecificationError,
+            "no number",
+        ),
+        (lambda: asked.description.ask(NO_TERM), QuestionError, "wants a term"),
+        (lambda: asked.batch({"B": "abc"}), EvidenceError, "a column of values"),
+        (lambda: asked.batch({"B": 1}), EvidenceError, "a column of values"),
+        (lambda: softly(B={0: "much"}), NotAValue, "'much' of 0"),
+        (lambda: asked(B=1).marginal(A, A), QuestionError, "a variable twice"),
+        (lambda: asked(B=1).at(1.0), QuestionError, "no uniform number"),
+        (lambda: asked(B=1).at(float("nan")), QuestionError, "no uniform number"),
+        (lambda: Specification({P(A): Laplace()}).identify([]).learn({}), DataError, "no column for A"),
+        (lambda: Specification({**EVEN, P(A | BIG): Laplace()}), SpecificationError, "30000000000000000 numbers"),
+        (lambda: Specification({**EVEN, P(A | BIG): Histogram()}), SpecificationError, "30000000000000000 numbers"),
+        (lambda: Specification({**EVEN, P(A | BIG): Gaussian()}), SpecificationError, "10000000000000000 numbers"),
+        (lambda: Specification({**EVEN, P(A | BIG): Table({})}), SpecificationError, "30000000000000000 numbers"),
+        (
+            lambda: Specification({**EVEN, P(A | BIG): Table(lambda A, G0, G1: 1 / 3)}),
+            SpecificationError,
+            "the 300000000 combinations of A G0 G1",
+        ),
+        (lambda: Specification({P(BIG): Uniform()}).identify().ask(P(BIG)), TooLarge, "an array of 80000000000 MB"),
+    ],
+)
+def test_a_slip_is_answered_with_a_sentence(slip: Callable[[], Any], refusal: type[BrpError], words: str) -> None:
+    with pytest.raises(refusal, match=words):
+        slip()
+
+
+def test_a_variable_may_be_named_as_the_engine_names_its_own() -> None:
+    """What is known is told by keyword, and no keyword is taken."""
+    for name in ("self", "value", "known", "rows", "proposition", "given", "told", "e", "r0", "np"):
+        v = Variable(name, range(3))
+        description = Specification({P(v): Uniform(), P(B | v): Table(np.full((2, 3), 0.5))}).identify()
+        question = description.ask(P(B | v))
+        assert question(**{name: 1})[0] == 0.5
+        assert question.probability(B > 0, **{name: 1}) == 0.5
+        assert question.explain(0, **{name: 1}).probability == 0.5
+        assert question.possible(**{name: 2})
+        assert description.ask(P(B | v), soft=v)(**{name: [1, 0, 0]})[1] == 0.5
+
+
+def test_a_function_of_the_users_that_fails_says_where() -> None:
+    with pytest.raises(ZeroDivisionError) as failed:
+        Specification({P(B): Uniform(), P(A | B): Gaussian(lambda B: 1 / B, 1)})
+    assert failed.value.__notes__ == ["in the mean of P(A | B), for B = 0"]
