@@ -74,6 +74,8 @@ def setting_of(asked: argparse.Namespace) -> Setting:
         raise UsageError(f"--decide, --memory and --stay are about --program watchman, not {asked.program}")
     if asked.decide and asked.memory == "whole":
         raise UsageError("--memory whole draws nothing but the motors, so --decide does not go with it")
+    if asked.stay != USUAL.stay and asked.memory == "whole":
+        raise UsageError("--memory whole goes by the tables as printed, so --stay does not go with it")
     if asked.data is None:
         return Setting(tuple(asked.unknown), early=asked.decide, memory=asked.memory, stay=asked.stay)
     if program.specification is None:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import pytest
 
 from khepera_hil.keys import KEYS, Keys, foreground
+from khepera_hil.orders import Order
 
 
 @pytest.fixture
@@ -30,7 +31,7 @@ def test_each_key_is_an_order_and_others_are_none(terminal: tuple[int, int]) -> 
     keys = Keys(theirs, lambda level, text: said.append((level, text)))
     assert keys.take() == []
     os.write(ours, b"vxI\x1b[Aq")
-    orders = []
+    orders: list[Order] = []
     while len(orders) < 3:
         orders += keys.take()
     assert [order.words for order in orders] == ["vigil", "identify", "stop"]

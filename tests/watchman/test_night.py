@@ -81,6 +81,7 @@ def test_a_run_of_the_command_repeats_and_its_log_can_be_asked_again(
         (["--program", "home", "--decide", "early"], "about --program watchman"),
         (["--program", "watchman", "--decide", "soon"], "neither late nor early"),
         (["--program", "watchman", "--decide", "Move", "--memory", "whole"], "--decide does not go with it"),
+        (["--program", "watchman", "--stay", ".99", "--memory", "whole"], "--stay does not go with it"),
         (["--program", "watchman", "--stay", "2"], "a probability"),
         (["--program", "watchman", "--unknown", "Prox"], "no variable that could be unknown"),
     ],
