@@ -17,7 +17,7 @@ __all__ = ["LOOKING", "Agreement", "Tally"]
 LOOKING = SETTLE + CALIBRATE
 """Ticks of a stop after which the watchman looks: it has settled, and knows what a still picture is."""
 
-_SEEN = 3  # ticks in view, while it looks, of a mover that should be noticed
+_SEEN = 3  # ticks in view and moving, while it looks, of a mover that should be noticed
 _PATIENCE = 180.0  # s that a watchman may take to be in its base when it was called in
 _PERIOD = 0.1
 
@@ -164,7 +164,8 @@ class Tally:
         if tick.draws["Behavior"] == "patrol" and tick.draws["Move"] == "stop":
             self._stop += 1
             if self._stop > LOOKING:
-                self._in_view.update(self.witness.in_view())
+                # One that is stuck before something stands as still as all the rest.
+                self._in_view.update(name for name in self.witness.in_view() if name in tick.moved)
             self._alarmed |= any(level == "alarm" for level, _ in tick.events)
             return
         if self._stop > LOOKING:
