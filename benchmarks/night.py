@@ -32,7 +32,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=120, help="of the night whose evidence is asked")
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
-    run = drive(Watchman(), world="watchman", seed=4, duration=asked.seconds, scenario="night")
+    run = drive(Watchman(), world="watchman", seed=4, duration=asked.seconds, options={"scenario": "night"})
     evidence = [dict(tick.evidence) for tick in run.ticks if tick.evidence]
     watching = pi_watchman(locate=locate_beacon).identify()
     ways: dict[str, Callable[[dict[str, Value], np.random.Generator], Any]] = {}

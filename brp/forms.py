@@ -233,9 +233,12 @@ class Switch(Form):
         )
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
-        """The cases, side by side."""
+        """The cases, side by side, each known by its values: ``P(Temp | winter pi-weather)``."""
         within = self.within(term)
-        factors = {id(form): form.factor(within, names) for form in self.cases.values()}
+        values: dict[int, list[Value]] = {}
+        for place, value in enumerate(self.variable.values):
+            values.setdefault(id(self._forms[place]), []).append(value)
+        factors = {id(form): form.factor(within, (_case(values[id(form)]), *names)) for form in self.cases.values()}
         branches = tuple(factors[id(self._forms[place])] for place in range(len(self.variable)))
         return Cases(term.of, names, self.variable, branches)
 
@@ -323,6 +326,11 @@ def _proper(p: NDArray[np.float64], term: Term, given: tuple[Variable, ...]) -> 
         at = tuple(int(i) for i in wrong[0])
         where = f" for {_where(given, at)}" if given else ""
         raise SpecificationError(f"the table of {term} sums to {totals[at]:.6g}{where}, and must sum to 1")
+
+
+def _case(values: Sequence[Value]) -> str:
+    """What a case of a Switch is called among what is known."""
+    return "/".join(map(str, values)) if len(values) <= 3 else f"{values[0]}/../{values[-1]}"
 
 
 def _where(given: tuple[Variable, ...], at: tuple[int, ...]) -> str:

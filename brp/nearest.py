@@ -34,6 +34,11 @@ class Nearest:
     scale: Mapping[str, float] = field(default_factory=dict)
     within: Callable[..., Any] | None = None
 
+    def __repr__(self) -> str:
+        said = [f"scale={dict(self.scale)}"] if self.scale else []
+        said += [f"within={self.within!r}"] if self.within is not None else []
+        return f"Nearest({', '.join(said)})"
+
 
 def nearest(
     visited: NDArray[np.bool_], given: tuple[Variable, ...], rule: Nearest, what: str

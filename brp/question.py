@@ -22,7 +22,7 @@ from brp.logs import logarithms
 from brp.plan import compiled, probabilities
 from brp.propositions import Proposition
 from brp.renewal import Plan, renewed
-from brp.rows import Rows
+from brp.rows import Rows, unanswered
 from brp.simplification import Simplified, simplify
 from brp.subroutine import Renamed, subroutine
 from brp.tables import Sizes
@@ -125,12 +125,15 @@ class Question(Form):
         right = [f"(soft {v})" if v in self.soft else str(v) for v in self.known]
         return f"P({text(self.searched)} | {text([*right, *self.names])})"
 
-    def __call__(self, /, **known: Any) -> Distribution:
+    def __call__(self, /, *nameless: Any, **known: Any) -> Distribution:
         """The distribution over the searched variables, the known ones having these values.
 
         Raises `NotAValue` or `EvidenceError` for evidence that does not fit, `ImpossibleEvidence` when it has
         probability zero. A variable that is known softly is told a distribution, or a weight for each value.
         """
+        if nameless:
+            known_by = ", ".join(f"{v.keyword}=" for v in self.known) or "nothing"
+            raise EvidenceError(f"{self.name} is told what is known by name ({known_by}), and not {nameless}")
         if self._table is None:
             try:
                 p = self._run(known)
@@ -239,8 +242,7 @@ class Question(Form):
             if self._rows is None:
                 self._rows = Rows(self.start, self._hard, self.searched, self.soft, self.simplified.largest)
             answers = self._rows.answer(count, evidence)
-        flat = answers.reshape(count, int(np.prod(self._shape)))
-        wrong = np.flatnonzero(np.logical_or.reduce(np.isnan(flat), axis=1))
+        wrong = np.flatnonzero(unanswered(answers))
         if len(wrong):
             row = int(wrong[0])
             try:
@@ -260,8 +262,7 @@ class Question(Form):
         """What each term says for or against a value, the known ones being these: see `Contribution`."""
         p = self(**known)
         here, evidence = p[value], self.signature.read(known)
-        parts = (value,) if len(self.searched) == 1 else value
-        at = {v: v.place(part) for v, part in zip(self.searched, parts, strict=True)} | dict(evidence.places)
+        at = dict(zip(self.searched, p.place(value), strict=True)) | dict(evidence.places)
         leaves = [n for n in postorder(self.start) if isinstance(n, Leaf)]
         contributions = []
         for density in dict.fromkeys(leaf.density for leaf in leaves):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from brp.description import Description
 from brp.distribution import Distribution
 from brp.errors import EvidenceError, ImpossibleEvidence, QuestionError, TooLarge
+from brp.factors import label
 from brp.pointwise import in_order, proposed
 from brp.variables import Term, Variable, cells, text
 
@@ -56,8 +57,12 @@ class Sampling:
         if cells(term.of) > LARGEST:
             raise TooLarge(f"{text(term.of)} have {cells(term.of)} values together, more than {LARGEST}")
         self.term = term
+        self.description = description
         self._factors = in_order(description.relevant(term))
         self._name = str(term)
+
+    def __repr__(self) -> str:
+        return f"<Sampling {label(self.term.of, self.term.given, self.description.names)}>"
 
     def ask(
         self, rng: np.random.Generator, /, count: int = BATCH, *, error: float | None = None, **known: Any

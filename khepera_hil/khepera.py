@@ -20,7 +20,7 @@ HANDSHAKE = 1.0
 BOOT_TEXT = 3.0
 """Seconds for a robot that says something else first: a Khepera II's boot text takes 1.5 at 9600 baud."""
 
-STOPPING = 0.5
+STOPPING = 0.8
 """Seconds after which a stop that nobody confirms is not repeated."""
 
 _TRIES = 50  # for a clock that does not move while the line talks
@@ -100,7 +100,7 @@ class Khepera:
         """Set both speeds to zero, and try hard; whether the robot said that it did. Command D.
 
         Where no answer comes, a line end and the command are sent blindly, and all is tried again for about
-        half a second. Raises LinkLost only.
+        0.8 s. Raises LinkLost only.
         """
         give_up = self.link.clock.now() + STOPPING
         reset = False

@@ -320,7 +320,10 @@ class Link:
         try:
             port = self._open_port()
             port.timeout = seconds
-            chunk = port.read(max(1, port.in_waiting))
+            waiting = port.in_waiting
+            chunk = port.read(waiting or 1)
+            if chunk and not waiting and (waiting := port.in_waiting):  # with the first of a lump came the others
+                chunk += port.read(waiting)
         except PORT_ERRORS as error:
             raise self._gone(error) from error
         self._heard += chunk

@@ -88,6 +88,7 @@ class Service:
         self._raw: dict[str, str] = {}
         self._answered_at = 0.0  # the robot's time of the last tick that went as it should
         self._trouble: KheperaHilError | None = None  # the last one since then
+        self._guard_lost: GuardLost | None = None  # between two ticks; the next one tells it
         needed = plan(controller.name, controller.needs, baud=khepera.link.baud, period=period, verify=verify)
         self._conduct = Conduct(controller, Reader(khepera, needed, verify), self._wheels, rng)
         khepera.link.on_exchange = self._heard
@@ -149,7 +150,11 @@ class Service:
             self._guard.record_in(recording.folder)
             self._become("start")
             for beat in beats(
-                self._clock, self._period, duration=duration, stopped=lambda: self._reason is not None
+                self._clock,
+                self._period,
+                duration=duration,
+                stopped=lambda: self._reason is not None,
+                waiting=self._show_life,
             ):
                 self._turn(beat, recording)
             self.ended = self._reason or "duration"
@@ -174,6 +179,8 @@ class Service:
         failure: KheperaHilError | None = None
         good = False
         try:
+            if self._guard_lost is not None:
+                raise self._guard_lost
             self._guard.beat()
             self._obey(tick)
             good = self._advance(tick)
@@ -365,6 +372,16 @@ class Service:
             return False
         self._answered_at, self._trouble = tick.t, None
         return True
+
+    def _show_life(self) -> None:
+        """While the loop waits for its next tick."""
+        try:
+            if self._guard_lost is None:
+                self._guard.beat()
+        except GuardLost as error:
+            self._guard_lost = error
+            with contextlib.suppress(LinkLost, GuardLost):
+                self._wheels.halt()
 
     def _rest(self) -> None:
         # What is said from here on belongs to no tick, and nothing that becomes of the guard may disturb it.

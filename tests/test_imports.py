@@ -219,6 +219,7 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.errors",
         "numpy",
         "rerun",
+        "rerun_bindings",
         "pyarrow",
     },
     "khepera_hil.terminal": {"khepera_hil.recording"},
@@ -231,6 +232,7 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.recording",
         "brp",
         "numpy",
+        "scipy",  # late
         "evdev",  # late: an extra
     },
     "khepera_hil.experiments": {"khepera_hil", "brp", "numpy", "scipy", "serial", "rerun"},

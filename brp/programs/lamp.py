@@ -5,7 +5,7 @@
 
     P(Theta2 | pi-lamp) = P(Level | pi-lamp) = Uniform
     P(Li | Theta2 Level Delta pi-lamp) = .98 G(dark_i - swing_i s, sigma_i(s)) + .02 Uniform,
-        s = min(1, Level (K(Theta2, theta_i) + .03))
+        s = min(1, gain_i Level (K(Theta2, theta_i) + .03))
 
 Not in the paper. `brp.programs.level` lets a sensor in front of the lamp fall by any amount; here the light may
 have any strength and the sensor saturates, as a real one does: a lamp that is near, or bright, lights sensors far
@@ -32,7 +32,7 @@ from brp.programs.fusion import L
 from brp.programs.sensor import BEARINGS, Theta2
 from brp.variables import P, Variable
 
-__all__ = ["USUAL", "L", "Level", "LightSensor", "Theta2", "lamp", "pi_lamp"]
+__all__ = ["USUAL", "L", "Level", "LightSensor", "Theta2", "lamp", "model", "pi_lamp"]
 
 LEAK = 0.03  # of the light reaches a sensor that looks away
 SHARE = 0.08  # of the swing in the deviation
@@ -46,7 +46,8 @@ Level = Variable("Level", range(len(STRENGTHS)))
 @dataclass(frozen=True)
 class LightSensor:
     """What calibration says of a sensor: S6.4's alpha (degrees) and beta, its readings in the dark and in full
-    light, and its readings' standard deviation.
+    light, its readings' standard deviation, by how many degrees it looks beside theta_i, and how much more of the
+    light it sees than the others.
     """
 
     alpha: float = 50.0
@@ -54,6 +55,8 @@ class LightSensor:
     dark: float = 497.0
     bright: float = 72.0
     deviation: float = 4.4
+    beside: float = 0.0
+    gain: float = 1.0
 
     def K(self, apart: NDArray[np.float64]) -> NDArray[np.float64]:
         """S6.4: the brightness seen of a light so many degrees off the axis."""
@@ -69,10 +72,10 @@ def model(sensor: LightSensor, theta: int) -> NDArray[np.float64]:
     """P(Li | Theta2 Level) of the sensor that looks to ``theta``, shape (512, 36, 14)."""
 
     def share(apart: NDArray[np.float64]) -> NDArray[np.float64]:
-        lit: NDArray[np.float64] = np.minimum(1, STRENGTHS * (sensor.K(apart)[:, None] + LEAK))
+        lit: NDArray[np.float64] = np.minimum(1, sensor.gain * STRENGTHS * (sensor.K(apart)[:, None] + LEAK))
         return lit
 
-    apart = Theta2.numbers - theta
+    apart = Theta2.numbers - theta - sensor.beside
     swing = sensor.dark - sensor.bright
     seen = share(apart)
     flank = np.abs(share(apart + 3) - share(apart - 3)) / 6 * STEP

@@ -17,8 +17,8 @@ from khepera_hil.budget import RESERVE
 from khepera_hil.budget import needed as seconds_needed
 from khepera_hil.checkup import PLACES, TURRETS, RoundTrips, Watch, budgets, inputs, round_trips, turrets, watch
 from khepera_hil.clock import WallClock
+from khepera_hil.commands.address import port_url
 from khepera_hil.commands.parser import Parser, baud, number
-from khepera_hil.commands.run import port_url
 from khepera_hil.controllers import PROGRAMS
 from khepera_hil.errors import RobotError
 from khepera_hil.khepera import Khepera

@@ -11,19 +11,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brp import BrpError, Description, Specification, Term, Variable
+from brp import BrpError, Description, P, Specification, Term, Variable
 from brp.gaussian import Taught
+from brp.programs.home import Dir, H, Prox, Theta1, Vrot
 from brp.programs.obstacle import obstacle
 from brp.programs.phototaxy import pi_phototaxy1
 from brp.store import save
 from khepera_hil.commands.parser import Parser, existing_name
 from khepera_hil.errors import RecordingError, UsageError
 from khepera_hil.teaching.dataset import data_set, joined, learnt
+from khepera_hil.teaching.hidden import learnt_home, weights
 
 __all__ = ["SPECIFICATIONS", "main"]
 
 SPECIFICATIONS: Mapping[str, Specification] = MappingProxyType({"obstacle": obstacle, "phototaxy": pi_phototaxy1})
-"""What data can be looked at with, by the command line's name."""
+"""What data can be looked at with, by the command line's name; and ``home``, of which P(H | Prox) is learnt."""
 
 EPILOG = """\
 DATA is a data set's file, the name of one that comes with brp (delta-push), or the folder of a recorded run;
@@ -39,21 +41,26 @@ examples:
 def main(arguments: Sequence[str]) -> int:
     """Read, identify, show, and save where that was asked for."""
     asked = _parser().parse_args(arguments)
-    existing_name("specification", asked.specification, list(SPECIFICATIONS))
-    specification = SPECIFICATIONS[asked.specification]
-    variables = learnt(specification)
+    existing_name("specification", asked.specification, [*SPECIFICATIONS, "home"])
+    hidden = asked.specification == "home"
+    variables = [Dir, Prox, Theta1, Vrot] if hidden else learnt(SPECIFICATIONS[asked.specification])
     sets = [data_set(source, variables) for source in asked.data]
     data = joined(sets, asked.name)
     try:
-        description = specification.identify(dict(data.columns), name=data.name)
+        if hidden:
+            description = learnt_home(data.columns)
+        else:
+            description = SPECIFICATIONS[asked.specification].identify(dict(data.columns), name=data.name)
     except BrpError as error:
         raise UsageError(f"nothing can be learnt from these data: {error}") from None
     for path in (asked.join, asked.out):
         if path is not None and path.exists() and not asked.force:
             raise UsageError(f"{path} is there already: choose another name, or say --force")
     print(f"{description}: {len(data)} data from {', '.join(asked.data)}")
-    found = {}
-    for term in specification.free:
+    found: dict[str, Any] = {}
+    if hidden:
+        found[str(P(H | Prox))] = _weights(description, data.columns["Prox"])
+    for term in description.specification.free:
         form = description[term]
         if isinstance(form, Taught):
             found[str(term)] = _learnt(term, form)
@@ -67,6 +74,17 @@ def main(arguments: Sequence[str]) -> int:
     if asked.json:
         print(json.dumps({"description": str(description), "data": len(data), "terms": found}))
     return 0
+
+
+def _weights(description: Description, visited: Sequence[int]) -> dict[str, Any]:
+    """P(avoidance | Prox), found although H is in no datum."""
+    print("P(H | Prox), H never observed:\n\n     Prox   data   P(avoidance)")
+    rows = []
+    for prox, weight in zip(Prox.values, weights(description), strict=True):
+        rows.append({"Prox": prox, "count": list(visited).count(int(prox)), "avoidance": round(float(weight), 4)})
+        print(f"  {prox:7}  {rows[-1]['count']:5}   {weight:12.2f}")
+    print()
+    return {"cells": rows}
 
 
 def _save(description: Description, path: Path) -> None:
@@ -132,7 +150,7 @@ def _number(number: float, digits: int) -> str:
 def _parser() -> Parser:
     parser = Parser("khepera-hil identify", "What a specification learns from data sets.", EPILOG)
     add = parser.add_argument
-    add("specification", metavar="SPECIFICATION", help=", ".join(SPECIFICATIONS))
+    add("specification", metavar="SPECIFICATION", help=", ".join([*SPECIFICATIONS, "home"]))
     add("--data", nargs="+", required=True, metavar="DATA", help="where the data are")
     add("--name", help="of the data set (default: the first one's)")
     add("--out", type=Path, metavar="FILE", help="save the description")

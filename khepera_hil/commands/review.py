@@ -101,7 +101,7 @@ def _ticks(run: Run) -> Iterator[Tick]:
 
 
 def _open(shown: list[Path]) -> None:
-    if (code := start([*shown, "--port", "auto"]).wait()) != 0:
+    if (code := start([*shown, "--port", "auto"], outlives=True).wait()) != 0:
         raise ViewerError(
             f"the viewer ended with code {code}; --serve shows the run in a browser, and "
             f"{program()} {shown[0]} says what the viewer lacks"

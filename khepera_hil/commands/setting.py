@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 from khepera_hil.commands.parser import number
-from khepera_hil.controllers import PROGRAMS, Setting
+from khepera_hil.controllers import PROGRAMS, Program, Setting
 from khepera_hil.controllers.base import USUAL
 from khepera_hil.controllers.watchman_mind import EARLY, LATE
 from khepera_hil.errors import UsageError
+from khepera_hil.teaching.calibration import read_calibration
 from khepera_hil.teaching.dataset import taught
+from khepera_hil.teaching.knowledge import read_knowledge
 
-__all__ = ["add_setting", "setting_of"]
+__all__ = ["add_setting", "setting_in", "setting_of", "told"]
 
 
 def add_setting(parser: argparse.ArgumentParser) -> None:
@@ -27,6 +33,15 @@ def add_setting(parser: argparse.ArgumentParser) -> None:
         "--data",
         metavar="DATA",
         help="go by what was taught: a data set's name or file, an identified description, or a run's folder",
+    )
+    parser.add_argument(
+        "--calibration", type=Path, metavar="FILE", help="the light sensors, as khepera-hil calibrate found them"
+    )
+    parser.add_argument(
+        "--knowledge",
+        type=Path,
+        metavar="FILE",
+        help="the objects met so far, for the program object: read at the start, written at the end",
     )
     parser.add_argument(
         "--decide",
@@ -62,7 +77,7 @@ def _early(text: str) -> tuple[str, ...]:
 
 
 def setting_of(asked: argparse.Namespace) -> Setting:
-    """What was chosen for ``asked.program``, or a sentence why it does not fit."""
+    """What was chosen for ``asked.program``, or a sentence why it does not fit. Raises UsageError."""
     program = PROGRAMS[asked.program]
     for name in asked.unknown:
         if name not in program.known:
@@ -76,8 +91,52 @@ def setting_of(asked: argparse.Namespace) -> Setting:
         raise UsageError("--memory whole draws nothing but the motors, so --decide does not go with it")
     if asked.stay != USUAL.stay and asked.memory == "whole":
         raise UsageError("--memory whole goes by the tables as printed, so --stay does not go with it")
-    if asked.data is None:
-        return Setting(tuple(asked.unknown), early=asked.decide, memory=asked.memory, stay=asked.stay)
-    if program.specification is None:
+    for option, owner in (("calibration", "fusion"), ("knowledge", "object")):
+        if getattr(asked, option) is not None and asked.program != owner:
+            raise UsageError(f"--{option} is for the program {owner}, not for {asked.program}")
+    if asked.data is not None and program.specification is None:
         raise UsageError(f"{asked.program} is not taught, so --data does not go with it")
-    return Setting(tuple(asked.unknown), taught(asked.data, program.specification))
+    met = () if asked.knowledge is None else read_knowledge(asked.knowledge)
+    calibration = None if asked.calibration is None else str(asked.calibration)
+    made = _made(program, asked.unknown, asked.data, calibration)
+    return replace(made, met=met, early=asked.decide, memory=asked.memory, stay=asked.stay)
+
+
+def told(asked: argparse.Namespace) -> dict[str, Any]:
+    """The same for a run's manifest, so that the run can be asked again."""
+    calibration = None if asked.calibration is None else str(asked.calibration)
+    told: dict[str, Any] = {"unknown": asked.unknown, "data": asked.data, "calibration": calibration}
+    if asked.program == "watchman":
+        told |= {"decide": list(asked.decide), "memory": asked.memory, "stay": asked.stay}
+    return told
+
+
+def setting_in(manifest: Mapping[str, Any], program: Program) -> Setting:
+    """What a recorded run was set to; the data are read again from where they were. Raises UsageError."""
+    told = manifest.get("setting")
+    if not isinstance(told, dict):
+        return USUAL
+    unknown, data, calibration = told.get("unknown", []), told.get("data"), told.get("calibration")
+    early, memory, stay = told.get("decide", []), told.get("memory", USUAL.memory), told.get("stay", USUAL.stay)
+    if (
+        not isinstance(unknown, list)
+        or not all(name in program.known for name in unknown)
+        or not all(one is None or isinstance(one, str) for one in (data, calibration))
+        or (data is not None and program.specification is None)
+        or not isinstance(early, list)
+        or not all(name in EARLY for name in early)
+        or memory not in ("drawn", "whole")
+        or not isinstance(stay, float)
+        or not 0.5 <= stay < 1
+    ):
+        raise UsageError(f"the run's setting is damaged: {told!r:.100}")
+    made = _made(program, unknown, data, calibration)
+    return replace(made, early=tuple(early), memory=str(memory), stay=stay)
+
+
+def _made(program: Program, unknown: Sequence[str], data: str | None, calibration: str | None) -> Setting:
+    description = None
+    if data is not None and program.specification is not None:
+        description = taught(data, program.specification)
+    sensors = None if calibration is None else read_calibration(Path(calibration))
+    return Setting(tuple(unknown), description, sensors)

@@ -15,8 +15,10 @@ from brp.programs.fusion import L
 from brp.programs.obstacle import Dir, Prox, Vrot
 from brp.programs.phototaxy import Theta1
 from khepera_hil import chance
+from khepera_hil.commands.address import port_url
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
-from khepera_hil.commands.run import parser_of_run, port_url, run_on_robot
+from khepera_hil.commands.run import parser_of_run
+from khepera_hil.commands.session import run_on_robot
 from khepera_hil.errors import RecordingError, UsageError
 from khepera_hil.recording import Tick as Turn
 from khepera_hil.service import Service
@@ -24,14 +26,12 @@ from khepera_hil.teaching.dataset import TICK, DataSet
 from khepera_hil.teaching.hand import Hand
 from khepera_hil.teaching.joystick import open_joystick
 from khepera_hil.teaching.keyboard import HELP, Keyboard
-from khepera_hil.teaching.lesson import BEHAVIORS, Lesson, Tick
+from khepera_hil.teaching.lesson import BEHAVIORS, WORLDS, Lesson, Tick
 from khepera_hil.teaching.scripted import LATE, SHAKE, STEADY, Scripted
 
 __all__ = ["main"]
 
 TEACHERS = ("joystick", "keyboard", "scripted")
-WORLDS = {"push": "push", "follow": "post", "follow-left": "post", "avoid": "pen", "phototaxy": "lamp"}
-"""Where each behavior is taught on the emulator, unless told otherwise."""
 
 EPILOG = """\
 examples:
@@ -89,7 +89,7 @@ def main(arguments: Sequence[str]) -> int:
     words = ["--port", asked.port, "--baud", str(asked.baud), "--period", str(asked.period), "--seed", str(chosen)]
     run = parser_of_run().parse_args([*words, "--duration", str(asked.duration), "--runs", str(asked.runs)])
     run.fast, run.json, run.world, run.program = asked.fast, asked.json, world, f"teach-{asked.behavior}"
-    url = port_url(run.port, run.world, run.scenario, fast=run.fast, seed=chosen)
+    url = port_url(run.port, run.world, run.scenario, fast=run.fast, seed=chosen, faults=None)
     lesson = Lesson(asked.behavior, _NoHand())
     hand = _hand(asked.teacher)
 
@@ -169,7 +169,7 @@ def _parser() -> Parser:
         "--shake",
         type=number(0, 10, "units of Vrot"),
         metavar="VROT",
-        help=f"deviation of the script's hand (default: {STEADY:g}, and {SHAKE['push']:g} to push)",
+        help=f"deviation of the script's hand (default: {STEADY:g}, {SHAKE['push']:g} to push or for phototaxy)",
     )
     add("--runs", type=Path, default=Path("runs"), metavar="DIR", help="where the recording goes")
     add("--json", action="store_true", help="the run's result as one JSON object")

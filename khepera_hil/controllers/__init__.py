@@ -26,7 +26,9 @@ PROGRAMS: Mapping[str, Program] = MappingProxyType(
             ("Theta1",),
             pi_phototaxy1,
         ),
-        "fusion": Program("drive to the light by all eight sensors, and watch them (section 6)", fusion.controller),
+        "fusion": Program(
+            "where the light is by eight sensors, and which is broken (section 6)", fusion.controller
+        ),
         "home": Program(
             "go back to the lit base, avoiding obstacles (section 7)", home.controller, ("Dir", "Prox", "Theta1")
         ),

@@ -12,8 +12,18 @@ from brp import Description, Distribution, Question, Specification, Term, Value
 from brp.programs.lamp import LightSensor
 from khepera_hil.perception import Need, Readings, Sense
 
-__all__ = ["USUAL", "VTRANS", "Commanded", "Controller", "Decision", "Program", "Reactive", "Setting"]
-__all__ += ["wheels", "without"]
+__all__ = [
+    "USUAL",
+    "VTRANS",
+    "Commanded",
+    "Controller",
+    "Decision",
+    "Program",
+    "Reactive",
+    "Setting",
+    "wheels",
+    "without",
+]
 
 VTRANS = 5
 """The fixed translation speed of section 4.1, on the scale of the watchman's Vtrans (0..10)."""

@@ -21,6 +21,9 @@ __all__ = ["Recogniser", "controller"]
 
 _TOUR = (Nlt, Nrt, Per, Lrl)
 
+_LOST = 40
+"""Ticks without anything near, after which the robot drives straight on instead of turning to what it has lost."""
+
 
 class Recogniser:
     """Goes around what it meets, and says each time what that was.
@@ -39,6 +42,7 @@ class Recogniser:
         for row in setting.met:
             self._learn({variable.name: row[variable.name] for variable in (O, *_TOUR)})
         self._obstacle, self._tour = Obstacle(), Tour()
+        self._alone = 0
         follow = (setting.taught or following).ask(without(P(Vrot | Prox, Dir), setting.unknown))
         self._known = [(variable.keyword, variable.name) for variable in follow.known]
         self.questions: dict[str, Question] = {"Vrot": follow, "O": self._recognise()}
@@ -47,10 +51,16 @@ class Recogniser:
         """Follow the contour; recognise and learn when the tour is done."""
         percept = self._obstacle.step(readings)
         evidence: dict[str, Value] = dict(percept.values)
+        near = percept.values["Prox"] > 0
+        self._alone = 0 if near else self._alone + 1
+        if self._alone > _LOST:
+            self._tour.step(readings, near=False)
+            left, right = wheels(0)  # on to whatever there is to be met
+            return Decision(evidence, {}, {}, {}, left, right)
         follow = self.questions["Vrot"](**{keyword: percept.values[name] for keyword, name in self._known})
         answers = {"Vrot": follow}
         events: list[tuple[str, str]] = []
-        tour = self._tour.step(readings, near=percept.values["Prox"] > 0)
+        tour = self._tour.step(readings, near=near)
         if tour.values:
             evidence |= tour.values
             answers["O"] = self._recognised(tour.values, events)

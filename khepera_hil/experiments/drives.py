@@ -22,7 +22,7 @@ from khepera_hil.experiments.arenas import OBJECTS, beside, lamp_somewhere, push
 from khepera_hil.experiments.campaign import Case, Result
 from khepera_hil.experiments.trial import Trial, drive
 from khepera_hil.recording import Tick
-from khepera_hil.teaching.lesson import BEHAVIORS, Lesson
+from khepera_hil.teaching.lesson import BEHAVIORS, WORLDS, Lesson
 from khepera_hil.teaching.scripted import Scripted
 
 __all__ = [
@@ -38,8 +38,6 @@ __all__ = [
 ]
 
 THING = {"shape": "disc", "radius_mm": 25, "height_mm": 40, "mass_g": 40}
-WORLDS = {"push": "push", "avoid": "pen", "follow": "post", "follow-left": "post", "phototaxy": "lamp"}
-"""Where each behavior is taught."""
 
 
 def generator(seed: int, *more: int) -> np.random.Generator:

@@ -9,7 +9,7 @@ from pathlib import Path
 from khepera_hil.experiments.campaign import Case, Result
 from khepera_hil.experiments.figures import Figure
 
-__all__ = ["Experiment", "Report", "nothing_to_show"]
+__all__ = ["Experiment", "Report", "no_cases", "no_trial", "nothing_to_show"]
 
 
 @dataclass
@@ -23,6 +23,16 @@ class Report:
 def nothing_to_show(folder: Path) -> list[Path]:
     """For an experiment that is only figures."""
     return []
+
+
+def no_cases(seeds: Sequence[int]) -> list[Case]:
+    """For an experiment that is computed, and drawn from nothing."""
+    return []
+
+
+def no_trial(case: Case) -> Result:
+    """Its trial, which is never run."""
+    raise AssertionError("there are no cases")
 
 
 @dataclass(frozen=True)

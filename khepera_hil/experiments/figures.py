@@ -34,7 +34,9 @@ class Figure:
             return None
         sign, number = self.target.split()
         reach = float(number)
-        return self.value >= reach if sign == ">=" else self.value <= reach if sign == "<=" else self.value == reach
+        if sign == ">=":
+            return self.value >= reach
+        return self.value <= reach if sign == "<=" else self.value == reach
 
     def row(self) -> dict[str, Any]:
         """As JSON."""
@@ -82,7 +84,7 @@ def rate(
     return Figure(name, events / exposure, float(low) / exposure, float(high) / exposure, n, target, paper)
 
 
-def mean(name: str, values: Sequence[float], target: str | None = None, paper: str | None = None) -> Figure:
+def mean(name: str, values: Sequence[float | None], target: str | None = None, paper: str | None = None) -> Figure:
     """The mean, with Student's interval."""
     known = [float(value) for value in values if value is not None and math.isfinite(value)]
     if not known:

@@ -51,7 +51,7 @@ def superposed(
         first = tuple(shape["pose"])
         now = poses.get(shape["name"], first)
         if math.dist(first[:2], now[:2]) > 0.005:
-            parts.append(_outline(shape, first, 'fill="none" stroke="#999" stroke-dasharray="8"'))
+            parts.append(_outline(shape, first, 'fill="none" stroke="#888" stroke-width="3" stroke-dasharray="8"'))
         parts.append(_outline(shape, now, f'fill="{_FILL.get(shape["kind"], "#c96")}" stroke="#333"'))
     for shape in shapes:
         if shape["kind"] == "lamp":

@@ -151,9 +151,9 @@ def _by(cases: Sequence[Case], results: Sequence[Result], key: str) -> dict[str,
     return found
 
 
-def _shown(behavior: str, by: str, world: str, seconds: float, **options: str) -> Callable[[Path], list[Path]]:
+def _shown(behavior: str, by: str, world: str, seconds: float) -> Callable[[Path], list[Path]]:
     def show(folder: Path) -> list[Path]:
-        return run_shown(folder, drives.program(behavior, by), world=world, seed=1, seconds=seconds, **options)
+        return run_shown(folder, drives.program(behavior, by), world=world, seed=1, seconds=seconds)
 
     return show
 

@@ -8,6 +8,7 @@ from contextlib import closing
 from datetime import datetime
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -45,12 +46,19 @@ class _Poses:
 
 
 def run_shown(
-    folder: Path, controller: Controller, *, world: str, seed: int, seconds: float, every: int = 15, **options: str
+    folder: Path,
+    controller: Controller,
+    *,
+    world: str,
+    seed: int,
+    seconds: float,
+    every: int = 15,
+    options: Mapping[str, str] = MappingProxyType({}),
 ) -> list[Path]:
     """Record a run with its viewer's file, and draw it from above as superposed images; where both are."""
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
-    with closing(open_port(emulator_url(world, seed, **options), BAUD)) as port:
+    with closing(open_port(emulator_url(world, seed, options), BAUD)) as port:
         witness, clock = port.witness, port.clock  # type: ignore[attr-defined]  # the emulator's port has both
         rng = chance.generator(seed, "program")
         khepera = Khepera(Link(port, clock, baud=BAUD))

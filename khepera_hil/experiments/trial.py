@@ -13,6 +13,7 @@ from functools import partial
 from itertools import pairwise
 from math import hypot
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from urllib.parse import quote, urlencode
 
@@ -91,7 +92,7 @@ def _recorded(folder: Path, seed: int, program: str, about: Mapping[str, Any]) -
     return recording
 
 
-def emulator_url(world: str, seed: int, **options: str) -> str:
+def emulator_url(world: str, seed: int, options: Mapping[str, str] = MappingProxyType({})) -> str:
     """The port's name for a world (a name or a TOML file's path) in simulated time."""
     query = urlencode({"seed": str(seed), "clock": "simulated", **options})
     return f"emulator://{quote(world)}?{query}"
@@ -106,17 +107,18 @@ def drive(
     watch: Watch | None = None,
     rng: np.random.Generator | None = None,
     record: Path | None = None,
-    **options: str,
+    options: Mapping[str, str] = MappingProxyType({}),
 ) -> Trial:
     """Run a program for ``duration`` seconds, or until ``watch`` returns true.
 
     ``make`` is a controller, or makes one from the port's witness (a teacher needs eyes). The draws come from the
-    seed's own stream, as in a run from the command line, unless ``rng`` is given. With ``record`` the run has its
+    seed's own stream, as in a run from the command line, unless ``rng`` is given.
+    ``options`` go into the port's name (``scenario``, ``object``). With ``record`` the run has its
     folder there: the whole log, and of the viewer's file what `Keeping` keeps of a long one.
     """
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
-    with closing(open_port(emulator_url(world, seed, **options), BAUD)) as port:
+    with closing(open_port(emulator_url(world, seed, options), BAUD)) as port:
         witness, clock = port.witness, port.clock  # type: ignore[attr-defined]  # the emulator's port has both
         controller = make(witness) if callable(make) else make
         service = Service(

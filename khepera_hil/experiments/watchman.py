@@ -74,7 +74,15 @@ def trial(case: Case) -> Result:
         path = Path(folder) / "night.toml"
         path.write_text(plan.text)
         record = Path(str(case["record"])) if "record" in case else None
-        ran = drive(make, world=world, seed=seed, duration=seconds, watch=watch, record=record, scenario=str(path))
+        ran = drive(
+            make,
+            world=world,
+            seed=seed,
+            duration=seconds,
+            watch=watch,
+            record=record,
+            options={"scenario": str(path)},
+        )
     return {**tallies[0].figures(), "score": dict(ran.score), "hours": seconds / 3600}
 
 

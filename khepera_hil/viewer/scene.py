@@ -34,6 +34,9 @@ _WAY = np.column_stack([np.cos(_AIM), np.sin(_AIM)])
 # Where the eight sensors sit and look, counter-clockwise from ahead: the KiKS simulator's geometry, which
 # tables measured on real robots bear out.
 
+MARKED = {"mover": 7.0, "lamp": 8.0, "flame": 8.0}
+"""Kinds of things whose names stand beside them, and how far up each is drawn; the base is at 3, others at 6."""
+
 LOW = 0.05
 """Height (m) below which a thing is drawn darker."""
 
@@ -86,7 +89,8 @@ class Scene:
             return
         path = "/world/" + "/".join(rr.escape_entity_path_part(part) for part in (kind, name))
         x, y, theta = shape["pose"]
-        if shape.get("movable"):
+        mark = kind in MARKED
+        if shape.get("movable") or kind == "flame":
             self.lanes[f"movable {name}"] = self._movable[name] = Lane(path, _poses)
             # Not static, which would hide every later pose: it goes out with the first tick.
             self._first[name] = (x, y, theta)
@@ -94,15 +98,15 @@ class Scene:
             turn = rr.RotationAxisAngle([0, 0, 1], radians=theta)
             _log(stream, path, rr.Transform3D(translation=[x, y, 0], rotation=turn))
         height = float(shape.get("height", 0.0))
-        mark = kind in ("lamp", "base")
         look: dict[str, Any] = {
-            "labels": [kind if mark else f"{name}, {1000 * height:.0f} mm high"],
+            "labels": [name if mark else f"{name}, {1000 * height:.0f} mm high"],
             "show_labels": mark,
-            "draw_order": {"base": 3.0, "lamp": 8.0}.get(kind, 6.0),
+            "draw_order": {"base": 3.0, **MARKED}.get(kind, 6.0),
         }
         colour = colours.shape(kind, bool(shape.get("movable")))
         # What the lamp is seen over is darker than what hides it.
-        fill = colours.mixed(colour, 1.0 if kind == "lamp" else 0.3 if height < LOW else 0.6)
+        bright = kind in ("lamp", "flame", "mover")
+        fill = colours.mixed(colour, 1.0 if bright else 0.3 if height < LOW else 0.6)
         if "radius" in shape:
             disc = rr.Points2D([[0, 0]], radii=shape["radius"], colors=colours.packed(fill), **look)
             _log(stream, f"{path}/shape", disc)
@@ -116,6 +120,10 @@ class Scene:
             strips, radii=1.15 * half, colors=colours.packed(fill), draw_order=look["draw_order"] - 1
         )
         _log(stream, f"{path}/filling", inside)
+        if kind == "base":  # its lamp stands in its middle, and so would its name
+            at = [[0, 0.2 * points[:, 1].min() + 0.8 * points[:, 1].max()]]
+            name_only = rr.Points2D(at, radii=0.0, colors=colours.packed(colour), labels=["base"], show_labels=True)
+            _log(stream, f"{path}/name", name_only)
 
     def write(self, tick: Tick, stamp: Stamp) -> None:
         """Keep one tick's rows."""

@@ -17,6 +17,7 @@ from khepera_hil.viewer.eye import Eye
 from khepera_hil.viewer.layout import about, layout
 from khepera_hil.viewer.scene import Scene, readings
 from khepera_hil.viewer.states import States, is_word
+from khepera_hil.viewer.stream import open_stream
 
 __all__ = ["RerunSink"]
 
@@ -47,14 +48,9 @@ class RerunSink:
         program = str(manifest.get("program", "run"))
         plain = "".join(c if c.isalnum() and c.isascii() else "-" for c in program)
         # The viewer remembers a layout that the user changed by the application's name: one for each program.
-        self._stream = rr.RecordingStream(
-            f"khepera-hil-{plain}",
-            recording_id=str(manifest.get("run", program)),
-            # What is sent comes in chunks already; said here, since the SDK waits otherwise for files and networks.
-            batcher_config=rr.ChunkBatcherConfig(flush_tick=0.2),
+        self._stream = open_stream(
+            f"khepera-hil-{plain}", str(manifest.get("run", program)), where, layout(manifest)
         )
-        self._stream.set_log_time_enabled(False)
-        self._stream.set_sinks(where, default_blueprint=layout(manifest))
         self._rows = rows
         self._count = 0
         started = manifest.get("started")

@@ -1,7 +1,7 @@
 """Words over time: every variable of few words, known, drawn or only asked for, as a lane of states.
 
 A lane stands still until its variable changes, so it costs next to nothing; an empty state is a gap. Of a variable
-that is only asked for (H of home) the most probable value is shown.
+that is only asked for (H of home) the most probable value is shown. The service's own state is a lane too.
 """
 
 from __future__ import annotations
@@ -11,15 +11,31 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from khepera_hil.recording import Tick, Value
 from khepera_hil.viewer import colours
 from khepera_hil.viewer.columns import Lane, Stamp
 
-__all__ = ["FEW_WORDS", "States", "is_word", "states"]
+__all__ = ["FEW_WORDS", "SERVICE", "SERVICE_STATES", "States", "is_word", "states"]
 
 FEW_WORDS = 24
 """Values up to which a variable of words has a lane."""
+
+SERVICE = "/loop/state"
+"""Where the service's state is."""
+
+SERVICE_STATES = {
+    "disconnected": colours.LATE,
+    "connecting": colours.LAMP,
+    "ready": colours.LEFT,
+    "running": colours.WORK,
+    "degraded": colours.RIGHT,
+    "stopping": colours.WALL,
+    "stopped": colours.WALL,
+    "faulted": colours.DRAWN,
+}
+"""The states of ``lifecycle``, and their colours."""
 
 
 def is_word(value: Value) -> bool:
@@ -46,26 +62,33 @@ class States:
     def __init__(self, stream: rr.RecordingStream, manifest: Mapping[str, Any]) -> None:
         self.lanes: dict[str, Lane] = {}
         self._now: dict[str, str] = {}
+        self._paths: dict[str, str] = {}
         self._searched: dict[str, list[tuple[str, int]]] = {}
+        self._lane(stream, SERVICE, list(SERVICE_STATES), colours.packed(*SERVICE_STATES.values()))
         for name, values in states(manifest).items():
-            path = "/states/" + rr.escape_entity_path_part(name)
-            texts = [str(value) for value in values]
-            look = rr.StateConfiguration(values=texts, labels=texts, colors=colours.many(len(texts)))
-            stream.log(path, look, static=True, strict=True)
-            self.lanes[name] = Lane(path, lambda rows: rr.StateChange.columns(state=rows))
-            self._now[name] = ""
+            self._paths[name] = path = "/states/" + rr.escape_entity_path_part(name)
+            self._lane(stream, path, [str(value) for value in values], colours.many(len(values)))
         for question in manifest.get("questions") or []:
             for axis, variable in enumerate(question["variables"]):
                 self._searched.setdefault(str(variable), []).append((str(question["key"]), axis))
 
+    def _lane(self, stream: rr.RecordingStream, path: str, texts: list[str], hues: NDArray[np.uint32]) -> None:
+        look = rr.StateConfiguration(values=texts, labels=texts, colors=hues)
+        stream.log(path, look, static=True, strict=True)
+        self.lanes[path] = Lane(path, lambda rows: rr.StateChange.columns(state=rows))
+        self._now[path] = ""
+
     def write(self, tick: Tick, stamp: Stamp) -> None:
         """Keep what has changed."""
-        for name, lane in self.lanes.items():
+        self._change(SERVICE, tick.state, stamp)
+        for name, path in self._paths.items():
             value = self._value(tick, name)
-            now = "" if value is None else str(value)
-            if now != self._now[name]:
-                self._now[name] = now
-                lane.add(stamp, now)
+            self._change(path, "" if value is None else str(value), stamp)
+
+    def _change(self, path: str, now: str, stamp: Stamp) -> None:
+        if now != self._now[path]:
+            self._now[path] = now
+            self.lanes[path].add(stamp, now)
 
     def _value(self, tick: Tick, name: str) -> Value | None:
         """Known, drawn, or the most probable."""

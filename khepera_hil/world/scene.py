@@ -177,12 +177,14 @@ class Scene:
         when nothing stands within ``matters`` mm of them, which is much quicker to see.
         """
         near = self._neighbourhood(poses, rays.farthest, reach)
-        if not _any_within(near.solids, poses, min(matters, reach + rays.farthest)):
+        straight, round_ = _nearest(near.solids, poses)
+        within = reach + rays.farthest + _ON_THE_WAY
+        if min(straight, round_) > min(matters + _ON_THE_WAY, within):
             return None
         from_x, from_y, way_x, way_y = rays.placed(poses)
         found: list[tuple[Array, Array, NDArray[np.intp], Array]] = []
         columns = np.arange(rays.count)
-        if len(near.edges):
+        if straight <= within and len(near.edges):
             x, y, along_x, along_y, moment, shrink = near.edge_columns
             # An edge from a along e meets a ray from o along d where o + t d = a + u e; with cross products,
             # t = (a - o) x e / (d x e) and u = (a - o) x d / (d x e). Counter-clockwise edges cross a ray from
@@ -193,7 +195,7 @@ class Scene:
             t[(np.abs(u - 0.5) > 0.5) | (np.abs(t - reach / 2) > reach / 2)] = _NOWHERE
             row = t.argmin(0)
             found.append((t[row, columns], across[row, columns] * shrink[row, 0], row, u[row, columns]))
-        if len(near.discs):
+        if round_ <= within:
             x, y, radius = near.disc_columns
             away_x, away_y = x - from_x, y - from_y
             middle = away_x * way_x + away_y * way_y
@@ -207,6 +209,8 @@ class Scene:
             on_y = from_y + distance * way_y - y[row, 0]
             cosine = half[row, columns] / radius[row, 0]
             found.append((distance, cosine, row + len(near.edges), np.arctan2(on_y, on_x)))
+        if not found:
+            return None
         distance, cosine, row, along = found[0]
         if len(found) == 2:
             nearer = found[1][0] < distance
@@ -377,17 +381,20 @@ def _within(solid: Solid, x: float, y: float, reach: float) -> bool:
     return left - reach < x < right + reach and low - reach < y < high + reach
 
 
-def _any_within(solids: list[Solid], poses: Sequence[Pose], reach: float) -> bool:
-    """Whether anything stands so near to one of the poses, which lie close together."""
+def _nearest(solids: list[Solid], poses: Sequence[Pose]) -> tuple[float, float]:
+    """How far the nearest box of anything with edges, and of a disc, is from the last of the poses."""
     x, y, _ = poses[-1]
-    squared = (reach + _ON_THE_WAY) ** 2
+    straight = round_ = math.inf
     for solid in solids:
         left, low, right, high = solid.box
         across = left - x if x < left else x - right if x > right else 0.0
         up = low - y if y < low else y - high if y > high else 0.0
-        if across * across + up * up <= squared:
-            return True
-    return False
+        squared = across * across + up * up
+        if not solid.edges:
+            round_ = min(round_, squared)
+        elif squared < straight:
+            straight = squared
+    return math.sqrt(straight), math.sqrt(round_)
 
 
 def _beside(solid: Solid, x: float, y: float, along_x: float, along_y: float, width: float) -> bool:

@@ -140,24 +140,28 @@ class World:
     def _step_until(self, target: int) -> None:
         wheels, physics, director, camera = self._wheels.advance, self._physics, self._director, self._camera
         score, remember, battery = self._score.step, self._history.moments.append, self.battery
-        before = self._now
+        moment = self._now
+        came_from = moment.pose
+        remembered = target - History.reach  # what is older nobody can ask for any more
         for step in range(self._steps + 1, target + 1):
             now = step * STEP
             left, right = wheels() if battery.charge > 0 else self._unpowered()
             pose = physics.advance(STEP, (left + right) / 2, (right - left) / WHEEL_BASE)
             if director.acts or now + 1e-9 >= director.next:
                 director.step(now, step, pose, self._turbine)
-            moment = Moment(step, pose, physics.movables(), director.lights)
-            remember(moment)
             score(now, STEP, pose[:2], physics.touching > physics.meeting)
-            if step >= camera.next:
-                camera.take(moment, before.pose)
+            looks = director.walking and step % _STEPS_A_LOOK == 0
+            if step > remembered or looks or step >= camera.next:
+                moment = Moment(step, pose, physics.movables(), director.lights)
+                remember(moment)
+                if step >= camera.next:
+                    camera.take(moment, came_from)
+                if looks:
+                    self._look(moment, now)
             if step % _STEPS_A_RECKONING == 0:
                 self._reckon()
-            if director.walking and step % _STEPS_A_LOOK == 0:
-                self._look(moment, now)
-            before = moment
-        self._now = before
+            came_from = pose
+        self._now = moment
         self._steps = target
 
     def _unpowered(self) -> tuple[float, float]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -25,6 +25,7 @@ from brp import (
     Variable,
 )
 from brp.mrbt import grow, tree
+from tests.brp.campaign import examples
 
 Class = Variable("O", range(16))
 Per = Variable("Per", range(10_000))
@@ -35,7 +36,7 @@ def variation(p: NDArray[np.float64], q: NDArray[np.float64]) -> float:
     return float(np.abs(p - q).sum() / 2)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     st.lists(
         st.tuples(st.floats(0, 9999), st.floats(0.5, 3000), st.floats(0.01, 1)),

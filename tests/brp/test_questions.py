@@ -60,8 +60,8 @@ def test_a_question_prints_its_data_set_and_specification_in_the_order_asked() -
     assert push.ask(P(C | B, A)).name == "P(C | B A delta-push pi-obstacle)"
     assert specification.identify().ask(P(C | A, B)).name == "P(C | A B pi-obstacle)"
     assert push.ask(P(C | A)) is push.ask(P(C | A))
-    with pytest.raises(AttributeError):
-        specification.ask(P(C))  # type: ignore[attr-defined]  # a specification cannot be asked
+    with pytest.raises(QuestionError, match=r"identify\(\) makes it a description"):
+        specification.ask(P(C))
 
 
 def test_the_simplification_says_what_it_did() -> None:
@@ -168,6 +168,20 @@ def test_a_subroutine_is_no_evidence_about_what_it_knows() -> None:
     outer = Specification({P(A): Uniform(), P(B | A): inner.ask(P(B | A))}).identify()
     np.testing.assert_allclose(outer.ask(P(A))().p, np.full(3, 1 / 3), rtol=1e-12)
     np.testing.assert_allclose(outer.ask(P(B | A))(A=0).p, [8 / 9, 1 / 9], rtol=1e-12)
+
+
+def test_a_subroutines_own_variable_is_not_one_of_the_same_name_around_it() -> None:
+    """Not even one that vanished while the subroutine was simplified: A here, which no case depends on."""
+    even = Specification({P(A): Uniform(), P(C): Table([0.1, 0.9])}, name="pi-even").identify()
+    forms: dict[Term, Form] = {
+        P(B): Uniform(),
+        P(A | B): Table(lambda A: (A + 1) / 6),
+        P(C | B, A): Switch(B, dict.fromkeys(B.values, even.ask(P(C | A)))),
+    }
+    inner = Specification(forms, name="pi-inner").identify()
+    around: dict[Term, Form] = {P(A): Table([0.5, 0.3, 0.2]), P(B): Uniform(), P(C | B): inner.ask(P(C | B))}
+    answer = Specification(around).identify().ask(P(A, C))()
+    np.testing.assert_allclose(answer.p, np.outer([0.5, 0.3, 0.2], [0.1, 0.9]), rtol=1e-12)
 
 
 def test_eight_contradictory_sensors_are_unlikely_and_not_impossible() -> None:

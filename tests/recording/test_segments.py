@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 import rerun as rr
 
+from khepera_hil.lifecycle import Lifecycle
 from khepera_hil.recording import Answer, Tick
 from khepera_hil.viewer import FILE, files, open_file
 from khepera_hil.viewer.check import damage
+from khepera_hil.viewer.states import SERVICE, SERVICE_STATES
 from tests.recording import synthetic
 from tests.recording.rrd import entities, rows
 
@@ -49,9 +51,13 @@ def test_a_later_piece_begins_with_things_where_they_were_moved_to(tmp_path: Pat
 
 
 def states(path: Path, name: str) -> list[tuple[int, str]]:
+    return changes(path, f"/states/{name}")
+
+
+def changes(path: Path, entity: str) -> list[tuple[int, str]]:
     return [
         (tick, value[0] if value else "")
-        for tick, (_, value) in sorted(rows(path, f"/states/{name}", "StateChange:state").items())
+        for tick, (_, value) in sorted(rows(path, entity, "StateChange:state").items())
     ]
 
 
@@ -101,3 +107,44 @@ def test_orders_and_the_link_have_their_places(tmp_path: Path) -> None:
     assert texts[3][1][0] > 20
     assert texts[4][1][1] == 5
     assert "/orders" in entities(tmp_path / FILE)
+
+
+def test_the_services_state_has_a_lane_in_which_every_state_has_a_colour(tmp_path: Path) -> None:
+    assert set(SERVICE_STATES) == {state.id for state in Lifecycle.states}
+    sink = open_file(tmp_path / FILE, {"program": "home", **synthetic.manifest()}, rows=3, seconds=1.5)
+    for tick in synthetic.ticks(30):
+        tick.state = "degraded" if 4 <= tick.tick < 9 else "running"
+        sink.write(tick, 0)
+    sink.close()
+    first, second = files(tmp_path)
+    assert changes(first, SERVICE) == [(0, "running"), (4, "degraded"), (9, "running")]
+    assert changes(second, SERVICE) == [(15, "running")], "each piece says how it begins"
+
+
+def test_a_flame_is_drawn_where_it_burns(tmp_path: Path) -> None:
+    candle = {"name": "candle", "kind": "flame", "pose": [-0.1, 1.2, 0.0], "height": 0.02, "radius": 0.006}
+    arena = {"name": "one", "size": [1.0, 1.0], "shapes": [candle]}
+    sink = open_file(tmp_path / FILE, {"program": "home", "world": arena}, rows=3)
+    for tick in range(20):
+        moved = {7: (0.6, 0.2, 0.0), 14: (-0.1, 1.2, 0.0)}.get(tick)
+        sink.write(Tick(tick, tick / 10, moved={} if moved is None else {"candle": moved}), 0)
+    sink.close()
+    found = rows(tmp_path / FILE, "/world/flame/candle", "Transform3D:translation")
+    assert sorted(found) == [0, 7, 14]
+    assert found[7][1][0][:2] == pytest.approx((0.6, 0.2), abs=1e-6)
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted in /proc")
+def test_a_piece_that_is_finished_leaves_nothing_of_itself_behind(tmp_path: Path) -> None:
+    def threads() -> int:
+        return len(list(Path("/proc/self/task").iterdir()))
+
+    sink = open_file(tmp_path / FILE, {"program": "home", **synthetic.manifest()}, rows=5, seconds=1.0)
+    counts = []
+    for tick in synthetic.ticks(140):
+        if tick.tick % 10 == 5:
+            counts.append(threads())
+        sink.write(tick, 0)
+    sink.close()
+    assert len(files(tmp_path)) == 14
+    assert counts[-1] <= counts[1] + 2, counts  # each piece that stayed would have four

@@ -192,6 +192,34 @@ def test_nothing_of_it_is_left_when_the_run_has_ended(live: tuple[Address, LiveV
         assert program.free_port("127.0.0.1", port) == port
 
 
+def test_a_run_that_is_killed_leaves_no_server_behind(tmp_path: Path) -> None:
+    process = start("--serve", "--duration", "60", "--seed", "3", cwd=tmp_path)
+    try:
+        url = line_with(process, "look on at ").split()[3]
+        assert b"rerun" in fetched(url).lower()
+    finally:
+        process.kill()
+        process.communicate()
+    end = time.monotonic() + 60
+    while True:
+        try:
+            urllib.request.urlopen(url, timeout=5).close()
+        except OSError:
+            break
+        assert time.monotonic() < end, "the page is served on"
+        time.sleep(0.1)
+
+
+def test_a_program_that_ends_by_itself_says_how(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = tmp_path / "viewer"
+    script.write_text("#!/bin/sh\nexit 7\n")
+    script.chmod(0o755)
+    monkeypatch.setattr("khepera_hil.viewer.program.program", lambda: str(script))
+    process = program.start([])
+    assert process.wait(60) == 7
+    program.end(process)
+
+
 def test_a_window_is_opened_on_the_stream_and_nowhere_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     script = tmp_path / "viewer"
     script.write_text(f'#!/bin/sh\nprintf "%s " "$@" > {tmp_path}/asked\n')

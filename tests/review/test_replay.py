@@ -14,11 +14,14 @@ from brp import Question
 from brp.programs.obstacle import Dir, Prox, Vrot, obstacle
 from brp.programs.watchman import watchman
 from brp.store import save, save_data
-from khepera_hil.controllers import PROGRAMS
+from khepera_hil.controllers import PROGRAMS, Decision
+from khepera_hil.otherwise import with_program
+from khepera_hil.perception import Need, Readings
 from khepera_hil.reading import Run, find
 from khepera_hil.recording import LOG, Answer, Recording, Tick
 from khepera_hil.replay import TOLERANCE, answered, replay
 from tests.recording.test_recording import STARTED
+from tests.test_service import at_the_bench
 
 
 def rewrite(folder: Path, change: Callable[[dict[str, Any]], None]) -> Run:
@@ -189,6 +192,40 @@ def test_other_data_reach_down_to_the_description_that_they_fit(
     assert found[0]["apart"]["Vrot phototaxy"] == 0
     assert found[0]["apart"]["Vrot avoidance"] > 0.3
     assert found[0]["apart"]["Vrot"] > 0
+
+
+class Curious:
+    """Needs one reading of every kind, and keeps what it was given."""
+
+    name = "curious"
+    needs = ("N", "O", Need("H"), Need("K"), Need("E"), Need("I", (3,)), Need("T", (2, "O"), every=3))
+    decides = "Vrot"
+
+    def __init__(self) -> None:
+        self.questions = {"Vrot": questions("avoid")["Vrot"]}
+        self.given: list[Readings] = []
+
+    def step(self, readings: Readings, rng: np.random.Generator) -> Decision:
+        self.given.append(readings)
+        answer = self.questions["Vrot"](Dir=0, Prox=0)
+        u = float(rng.random())
+        return Decision({"Dir": 0, "Prox": 0}, {"Vrot": answer}, {"Vrot": u}, {"Vrot": answer.at(u)}, 1, 1)
+
+
+def test_a_program_that_reads_all_that_can_be_read_gets_all_of_it_again(tmp_path: Path) -> None:
+    then, now = Curious(), Curious()
+    bench = at_the_bench(tmp_path, then)
+    bench.robot.answers |= {b"I,3": b"i,512\r\n", b"T,2,O": b"t,2,o,31\r\n"}
+    bench.service.connect()
+    bench.service.run(bench.recording, duration=1.2)
+    bench.recording.close({})
+    run = find(bench.recording.folder, tmp_path)
+    again = list(with_program(run, now))
+    assert len(then.given) == 12
+    assert now.given == then.given
+    kinds = {name[0] for readings in then.given for name in readings.answers}
+    assert kinds == {"H", "K", "E", "I", "T"}
+    assert [tick.draws for tick in again] == [tick.draws for tick in run.ticks()]
 
 
 @pytest.mark.parametrize(

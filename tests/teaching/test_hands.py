@@ -6,17 +6,24 @@ import contextlib
 import errno
 import os
 import pty
+import subprocess
+import sys
 import termios
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from brp.programs.obstacle import Dir, Prox, Vrot
+from brp.store import load_data
 from khepera_hil.errors import LinkLost, UsageError
 from khepera_hil.teaching.joystick import Joystick
 from khepera_hil.teaching.keyboard import Keyboard
+from tests.runs.cli import environment
 
 
 @pytest.fixture
@@ -141,3 +148,37 @@ def test_start_ends_the_lesson_and_an_unplugged_stick_is_told() -> None:
     pad.unplugged = True
     with pytest.raises(LinkLost, match="a gamepad is gone"):
         stick.vrot()
+
+
+def test_a_person_at_the_keyboard_teaches_in_wall_time(tmp_path: Path) -> None:
+    """The whole way: keys into a terminal, wheels of the emulated robot, a data set; q ends it."""
+    master, slave = pty.openpty()
+    words = ["teach", "avoid", "--teacher", "keyboard", "--seed", "1", "--duration", "60", "--out", "mine.json"]
+    lesson = subprocess.Popen(
+        [sys.executable, "-m", "khepera_hil", *words],
+        stdin=slave,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        cwd=tmp_path,
+        env=environment(),
+    )
+    os.close(slave)
+    assert lesson.stdout is not None
+    for line in lesson.stdout:
+        if "avoid runs" in line:  # the first tick is done
+            break
+    os.write(master, RIGHT * 3)
+    log = next(tmp_path.glob("runs/*/ticks.jsonl"))
+    while '"Vrot":6' not in log.read_text():
+        assert lesson.poll() is None
+        time.sleep(0.05)
+    os.write(master, b"q")
+    rest = lesson.stdout.read()
+    lesson.stdout.close()
+    assert lesson.wait(timeout=60) == 0
+    assert "stopped (teacher)" in rest
+    assert "situations visited" in rest
+    os.close(master)
+    _, columns = load_data(tmp_path / "mine.json", [Vrot, Dir, Prox])
+    assert 6 in columns["Vrot"]

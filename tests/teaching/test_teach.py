@@ -65,7 +65,7 @@ def test_what_was_taught_can_be_joined_cut_saved_and_driven_by(tmp_path: Path) -
     )
     assert driven.code == 0, driven.err
     manifest = json.loads((tmp_path / driven.result["run"] / "manifest.json").read_text())
-    assert manifest["setting"] == {"unknown": [], "data": "d.json"}
+    assert manifest["setting"] == {"unknown": [], "data": "d.json", "calibration": None}
     assert "delta-mine" in manifest["questions"][0]["name"]
 
 
@@ -117,6 +117,16 @@ def test_every_mistake_is_one_sentence(tmp_path: Path, words: list[str], said: s
     assert not list(tmp_path.glob("*.json"))
 
 
+def test_the_weight_of_avoidance_is_learnt_from_homing_by_hand(tmp_path: Path) -> None:
+    """P(H | Prox), and H is in no datum: far from things the light leads, close to them avoidance counts more."""
+    lesson(tmp_path, "--duration", "60", "--seed", "3", behavior="home")
+    done = khepera_hil("identify", "home", "--data", "one.json", "--out", "d.json", "--json", cwd=tmp_path)
+    assert done.code == 0, done.err
+    cells = done.result["terms"]["P(H | Prox)"]["cells"]
+    assert sum(cell["count"] for cell in cells) == 600
+    assert cells[0]["avoidance"] < 0.3 < cells[15]["avoidance"]
+
+
 def test_a_data_set_is_not_overwritten_by_accident(tmp_path: Path) -> None:
     lesson(tmp_path)
     before = (tmp_path / "one.json").read_bytes()
@@ -138,3 +148,15 @@ def test_the_shipped_data_sets_are_twenty_to_thirty_seconds_of_driving(name: str
     assert len(set(columns["Vrot"])) > 5
     assert behavior.specification in (obstacle, pi_phototaxy1)
     assert name in names()
+
+
+def test_a_run_by_taught_data_can_be_asked_again(tmp_path: Path) -> None:
+    lesson(tmp_path)
+    words = ["--program", "avoid", "--data", "one.json", "--unknown", "Prox", "--fast", "--duration", "10"]
+    done = khepera_hil(*words, "--seed", "2", "--json", cwd=tmp_path)
+    assert done.code == 0, done.err
+    again = khepera_hil("replay", done.result["run"], cwd=tmp_path)
+    assert again.code == 0, again.out + again.err
+    lesson(tmp_path, "--force", "--seed", "6")  # other data: other answers
+    other = khepera_hil("replay", done.result["run"], cwd=tmp_path)
+    assert other.code != 0

@@ -27,7 +27,7 @@ def test_the_film_begins_with_an_object_that_is_identified() -> None:
         said.extend((tick.t, text) for _, text in tick.events)
         return any("new object" in text for _, text in tick.events)
 
-    trial = drive(Watchman(), world="watchman", seed=4, duration=60, watch=watch, scenario="night")
+    trial = drive(Watchman(), world="watchman", seed=4, duration=60, watch=watch, options={"scenario": "night"})
     assert trial.stopped, said
     assert all(tick.evidence for tick in trial.ticks)
     assert {tick.draws["Behavior"] for tick in trial.ticks} <= {"recognition", "patrol"}
@@ -52,7 +52,9 @@ def test_a_candle_ahead_is_told_approached_and_blown_out(tmp_path: Path) -> None
         told.extend(text for _, text in tick.events if "fire" in text)
         return "the fire is out" in told
 
-    trial = drive(Watchman(), world="empty", seed=1, duration=90, watch=watch, scenario=flame(tmp_path))
+    trial = drive(
+        Watchman(), world="empty", seed=1, duration=90, watch=watch, options={"scenario": flame(tmp_path)}
+    )
     assert told[0] == "fire"
     assert told[-1] == "the fire is out"
     assert trial.score["fires_put_out"] == 1
