@@ -145,6 +145,10 @@ class Khepera:
         """Switch LED 0 (lateral) or 1 (front): action 0 off, 1 on, 2 the other way. Command L."""
         self.link.ask("L", led, action)
 
+    def command(self, letter: str, *values: int | str) -> tuple[int | str, ...]:
+        """Any other command of the manual, by its letter; the values of the answer."""
+        return self.link.ask(letter, *values)
+
     def version(self) -> tuple[str, str]:
         """The versions of BIOS and protocol, such as ("5.01", "5.00"). Command B."""
         bios, protocol = self.link.ask("B")

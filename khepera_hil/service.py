@@ -99,6 +99,11 @@ class Service:
         return str(self.lifecycle.current_state_value)
 
     @property
+    def commanded(self) -> bool:
+        """Whether its program takes orders of its own."""
+        return isinstance(self._controller, Commanded)
+
+    @property
     def rested(self) -> bool:
         """Whether the robot acknowledged the last order to stand still."""
         return self.health.rested
@@ -185,6 +190,7 @@ class Service:
             with contextlib.suppress(LinkLost, GuardLost):
                 self._wheels.halt()  # before the log, which may take its time
         self._settle(tick, good)
+        self._sight.tell(tick)
         tick.work_ms = 1e3 * (self._stopwatch() - began)
         recording.write(tick)
         self.ticks += 1
@@ -383,6 +389,9 @@ class Service:
         self._become("stop")
         try:
             self._wheels.stop()
+            for letter, *values in getattr(self._controller, "at_rest", ()):
+                with contextlib.suppress(RobotError):  # the wheels stand still; that is what counts
+                    self._wheels.beside(str(letter), *values)
         except LinkLost:
             if self.ended != "error":
                 raise  # else the error that ended the loop says more

@@ -20,6 +20,9 @@ class Witness(Protocol):
     def poses(self) -> Mapping[str, Pose]:
         """The true poses of everything that moves or can be moved, the robot (``robot``) among it."""
 
+    def heard_alarm(self) -> None:
+        """The program sounded its alarm."""
+
     def orders(self) -> Sequence[tuple[str, bool]]:
         """The operator's orders since the last time, and whether each is switched on."""
 
@@ -44,6 +47,11 @@ class Sight:
             seen = _rounded(pose)
             if self._told.get(name) != seen:
                 self._told[name] = tick.moved[name] = seen
+
+    def tell(self, tick: Tick) -> None:
+        """What can be heard outside of what happened in the tick."""
+        if self._witness is not None and any(level == "alarm" for level, _ in tick.events):
+            self._witness.heard_alarm()
 
 
 class Staged:

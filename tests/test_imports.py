@@ -69,8 +69,15 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.plausible",
     },
     "khepera_hil.perception": {"khepera_hil.perception", "numpy"},
-    "khepera_hil.controllers": {"khepera_hil.controllers", "khepera_hil.perception", "brp", "numpy"},
+    "khepera_hil.controllers": {
+        "khepera_hil.controllers",
+        "khepera_hil.perception",
+        "khepera_hil.errors",
+        "brp",
+        "numpy",
+    },
     "khepera_hil.scheduler": {"khepera_hil.clock"},
+    "khepera_hil.keys": {"khepera_hil.orders"},
     "khepera_hil.guard": set(),  # it is run as a script, by itself
     "khepera_hil.guarding": {"khepera_hil.guard", "khepera_hil.errors"},
     "khepera_hil.wheels": {

@@ -1,4 +1,4 @@
-"""``khepera-hil paper``: the paper's experiments, sections 5 to 8: run, measured, shown."""
+"""``khepera-hil paper``: the paper's experiments, sections 5 to 10: run, measured, shown."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from khepera_hil.commands.parser import Parser, existing_name
+from khepera_hil.commands.parser import Parser, existing_name, number
 from khepera_hil.errors import UsageError
+from khepera_hil.experiments import watchman
 from khepera_hil.experiments.campaign import progress_stream, run
 from khepera_hil.experiments.experiment import Experiment, Report
 from khepera_hil.experiments.registry import EXPERIMENTS
@@ -45,7 +46,10 @@ def main(arguments: Sequence[str]) -> int:
     found: dict[str, Any] = {}
     try:
         for name in names:
-            found[name] = _one(EXPERIMENTS[name], seeds, asked)
+            experiment = EXPERIMENTS[name]
+            if name == "watchman" and (asked.hours or asked.nights is not None):
+                experiment = watchman.experiment(asked.hours, asked.nights or 0, asked.record)
+            found[name] = _one(experiment, seeds, asked)
     except KeyboardInterrupt:
         print("interrupted: what was measured is kept, the same command goes on from there", file=sys.stderr)
         return 130
@@ -82,12 +86,15 @@ def _print(experiment: Experiment, seeds: range, report: Report) -> None:
 
 
 def _parser() -> Parser:
-    parser = Parser("khepera-hil paper", "The paper's experiments, sections 5 to 8.", EPILOG)
+    parser = Parser("khepera-hil paper", "The paper's experiments, sections 5 to 10.", EPILOG)
     add = parser.add_argument
     add("names", nargs="*", metavar="NAME", help="see --list; or all")
     add("--list", action="store_true", help="list the experiments, and end")
     add("--seeds", type=_count, default=5, metavar="N", help="how many (default: %(default)s)")
     add("--first", type=_count, default=1, metavar="SEED", help="the first of them (default: %(default)s)")
+    add("--hours", type=number(0, 10_000, "hours"), default=0.0, help="watchman: so long a fair, in three days")
+    add("--nights", type=_count, metavar="N", help="watchman: so many short nights")
+    add("--record", type=Path, metavar="DIR", help="watchman: record the fair's days there")
     add("--jobs", type=_count, metavar="N", help="processes at a time (default: one for each core)")
     add("--out", type=Path, default=Path("runs/paper"), metavar="DIR", help="(default: %(default)s)")
     add("--fresh", action="store_true", help="measure anew what was measured before")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -24,10 +24,11 @@ from khepera_hil.controllers import Controller
 from khepera_hil.errors import NoAnswer, UsageError
 from khepera_hil.follower import Follower
 from khepera_hil.guarding import Guarding, Process, Unguarded, limit
+from khepera_hil.keys import HELP, Keys, foreground
 from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link
 from khepera_hil.opening import Port, close_port, descriptor, open_port, reopen
-from khepera_hil.orders import OrderSocket
+from khepera_hil.orders import Orders, OrderSocket
 from khepera_hil.realtime import Collector, ask_for_realtime
 from khepera_hil.reconnection import stable_name
 from khepera_hil.recording import Listener, Recording, Tick
@@ -205,19 +206,20 @@ def _run(
 
 
 @contextmanager
-def _orders(folder: Path, clock: Clock, service: Service) -> Iterator[list[OrderSocket]]:
-    """The operator's socket; none in simulated time, which must repeat, and where the folder can hold none."""
-    if clock.simulated:
-        yield []
-        return
-    try:
-        socket = OrderSocket(folder)
-    except OSError as error:
-        service.remark("warning", f"no orders will be taken: {folder} holds no socket ({error.strerror or error})")
-        yield []
-        return
-    with closing(socket):
-        yield [socket]
+def _orders(folder: Path, clock: Clock, service: Service) -> Iterator[list[Orders]]:
+    """The operator's socket and keys; none in simulated time, which must repeat."""
+    sources: list[Orders] = []
+    with ExitStack() as stack:
+        if not clock.simulated:
+            try:
+                sources.append(stack.enter_context(closing(OrderSocket(folder))))
+            except OSError as error:
+                why = error.strerror or error
+                service.remark("warning", f"no orders will be taken: {folder} holds no socket ({why})")
+            if service.commanded and sys.stdin is not None and foreground(sys.stdin):
+                sources.append(stack.enter_context(closing(Keys(sys.stdin.fileno(), service.remark))))
+                service.remark("info", HELP)
+        yield sources
 
 
 def _remark(sentence: str) -> None:

@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 from brp.programs.obstacle import obstacle
 from brp.programs.phototaxy import pi_phototaxy1
-from khepera_hil.controllers import avoid, follow, fusion, home, object, phototaxy, push
+from khepera_hil.controllers import avoid, follow, fusion, home, object, phototaxy, push, watchman
 from khepera_hil.controllers.base import Commanded, Controller, Decision, Program, Setting
 
 __all__ = ["PROGRAMS", "Commanded", "Controller", "Decision", "Program", "Setting"]
@@ -35,6 +35,7 @@ PROGRAMS: Mapping[str, Program] = MappingProxyType(
         "object": Program(
             "go around objects and recognise them (section 8)", object.controller, _OBSTACLE, obstacle
         ),
+        "watchman": Program("keep watch at night (sections 9 and 10)", watchman.controller),
     }
 )
 """In the order of the paper."""

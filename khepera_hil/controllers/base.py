@@ -53,6 +53,9 @@ class Decision:
     clipped: Mapping[str, int] = field(default_factory=dict)
     events: Sequence[tuple[str, str]] = ()
     """What the user should know of this tick: level (info, warning) and a sentence."""
+    commands: Sequence[tuple[int | str, ...]] = ()
+    """Requests beside D that are sent after it, letter and values: ``("W", 1, 32)``. One that is not confirmed is
+    an event and nothing more, so a controller says again what matters."""
 
 
 class Controller(Protocol):
@@ -102,6 +105,12 @@ class Setting:
     """The light sensors as they were calibrated (section 6.2)."""
     met: tuple[Mapping[str, int], ...] = ()
     """The objects met in earlier runs: rows of O, Nlt, Nrt, Per, Lrl (section 8)."""
+    early: tuple[str, ...] = ()
+    """The internal variables that are drawn before the motors are (section 10.4); none: late."""
+    memory: str = "drawn"
+    """What the watchman carries from tick to tick: what was ``drawn``, or the ``whole`` distribution."""
+    stay: float = 0.9
+    """The watchman's: what stands on the diagonal of table 2 for the paper's .90."""
 
 
 USUAL = Setting()

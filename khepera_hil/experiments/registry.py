@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from khepera_hil.experiments import lookalike, section5, section6, section7, section8
+from khepera_hil.experiments import lookalike, section5, section6, section7, section8, watchman
 from khepera_hil.experiments.experiment import Experiment
 
 __all__ = ["EXPERIMENTS"]
@@ -14,6 +14,7 @@ _ALL = (
     *section7.EXPERIMENTS,
     *section8.EXPERIMENTS,
     *lookalike.EXPERIMENTS,
+    watchman.experiment(),
 )
 
 EXPERIMENTS: Mapping[str, Experiment] = MappingProxyType({experiment.name: experiment for experiment in _ALL})

@@ -5,10 +5,11 @@ Nothing is written: who wants a recording runs the program by the command line, 
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
+from datetime import datetime
+from functools import partial
 from itertools import pairwise
 from math import hypot
 from pathlib import Path
@@ -21,11 +22,14 @@ import serial
 
 from khepera_hil import chance
 from khepera_hil.controllers import Controller
+from khepera_hil.follower import Follower
 from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link
 from khepera_hil.opening import open_port
-from khepera_hil.recording import Tick
+from khepera_hil.recording import Recording, Tick
 from khepera_hil.service import Service
+from khepera_hil.viewer import FILE, ROWS_FAST
+from khepera_hil.viewer.keeping import Keeping
 
 __all__ = ["BAUD", "PERIOD", "Trial", "drive", "emulator_url"]
 
@@ -58,14 +62,19 @@ class Trial:
 class _Log:
     """Stands where a recording stands, and keeps the ticks."""
 
-    folder = Path(tempfile.gettempdir())
-    """Where a guard would write to; the emulator needs none."""
+    folder = Path()  # nothing is written, unless there is a recording as well
 
-    def __init__(self, trial: Trial, watch: Watch | None, stop: Callable[[str], None]) -> None:
-        self._trial, self._watch, self._stop = trial, watch, stop
+    def __init__(
+        self, trial: Trial, watch: Watch | None, stop: Callable[[str], None], recording: Recording | None = None
+    ) -> None:
+        self._trial, self._watch, self._stop, self._recording = trial, watch, stop, recording
+        if recording is not None:
+            self.folder = recording.folder
 
     def write(self, tick: Tick) -> None:
         trial = self._trial
+        if self._recording is not None:
+            self._recording.write(tick)
         trial.ticks.append(tick)
         trial.poses.update(tick.moved)
         if tick.pose is not None:
@@ -73,6 +82,14 @@ class _Log:
         if self._watch is not None and not trial.stopped and self._watch(tick, trial):
             trial.stopped = True
             self._stop("seen enough")
+
+
+def _recorded(folder: Path, seed: int, program: str, about: Mapping[str, Any]) -> Recording:
+    manifest = {**about, "period_s": PERIOD, "clock": "simulated"}
+    recording = Recording.create(folder, program=program, seed=seed, manifest=manifest, started=datetime.now())
+    opening = partial(Keeping, recording.folder / FILE, recording.manifest, rows=ROWS_FAST)
+    recording.follow(Follower(opening, name=FILE, waits=True))
+    return recording
 
 
 def emulator_url(world: str, seed: int, options: Mapping[str, str] = MappingProxyType({})) -> str:
@@ -89,13 +106,15 @@ def drive(
     duration: float,
     watch: Watch | None = None,
     rng: np.random.Generator | None = None,
+    record: Path | None = None,
     options: Mapping[str, str] = MappingProxyType({}),
 ) -> Trial:
     """Run a program for ``duration`` seconds, or until ``watch`` returns true.
 
     ``make`` is a controller, or makes one from the port's witness (a teacher needs eyes). The draws come from the
     seed's own stream, as in a run from the command line, unless ``rng`` is given.
-    ``options`` go into the port's name (``scenario``, ``object``).
+    ``options`` go into the port's name (``scenario``, ``object``). With ``record`` the run has its
+    folder there: the whole log, and of the viewer's file what `Keeping` keeps of a long one.
     """
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
@@ -110,8 +129,18 @@ def drive(
             rng=rng or chance.generator(seed, "program"),
             witness=witness,
         )
-        service.connect()
+        versions = service.connect()
         trial = Trial(witness.shapes(), poses=dict(witness.poses()))
-        service.run(_Log(trial, watch, service.stop), duration=duration)  # type: ignore[arg-type]  # it only writes
-        trial.score = witness.score()
+        recording = None
+        if record is not None:
+            about = {"robot": {"bios": versions[0], "protocol": versions[1]}, "port": "emulator", "baud": BAUD}
+            seen = {"name": Path(world).stem, "size": witness.size(), "shapes": witness.shapes()}
+            recording = _recorded(record, seed, controller.name, {**about, **service.program(), "world": seen})
+        try:
+            log = _Log(trial, watch, service.stop, recording)
+            service.run(log, duration=duration)  # type: ignore[arg-type]  # it only writes
+        finally:
+            trial.score = witness.score()
+            if recording is not None:
+                recording.close({"score": dict(trial.score), "stop": service.ended, "ticks": service.ticks})
     return trial

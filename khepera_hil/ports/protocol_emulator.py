@@ -84,6 +84,11 @@ class Witness:
         self._catch_up()
         return [(order.order, order.on) for order in self._world.due(Order)]
 
+    def in_view(self) -> set[str]:
+        """The movers that the camera could see now."""
+        self._catch_up()
+        return self._world.in_view()
+
     def heard_alarm(self) -> None:
         """The program sounded its alarm now; for the score."""
         self._catch_up()
