@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from brp.programs.behavior import behavior
-from khepera_hil.__main__ import main
+from khepera_hil.__main__ import outcome
 from khepera_hil.controllers.watchman import Watchman
 from khepera_hil.errors import WorldError
 from khepera_hil.experiments import weathercock
@@ -67,13 +67,13 @@ def test_a_run_of_the_command_repeats_and_its_log_can_be_asked_again(
     logs = []
     for name in ("one", "two"):
         words = ["--program", "watchman", "--scenario", "night", "--seed", "4", "--fast", "--duration", "6"]
-        assert main([*words, "--runs", str(tmp_path / name), "--json"]) == 0
+        assert outcome([*words, "--runs", str(tmp_path / name), "--json"]) == 0
         folder = Path(json.loads(capsys.readouterr().out.splitlines()[-1])["run"])
         rows = [json.loads(line) for line in (folder / "ticks.jsonl").read_text().splitlines()]
         logs.append([{k: v for k, v in row.items() if k not in ("work_ms", "late_ms", "wall")} for row in rows])
     assert logs[0] == logs[1]
     assert len(logs[0]) == 60
-    assert main(["replay", str(folder)]) == 0
+    assert outcome(["replay", str(folder)]) == 0
     assert "the same" in capsys.readouterr().out
 
 
@@ -91,7 +91,7 @@ def test_a_run_of_the_command_repeats_and_its_log_can_be_asked_again(
 def test_what_does_not_fit_is_one_sentence(
     words: list[str], said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    assert main([*words, "--runs", str(tmp_path)]) == 2
+    assert outcome([*words, "--runs", str(tmp_path)]) == 2
     told = capsys.readouterr().err
     assert said in told
     assert told.count("\n") == 1
