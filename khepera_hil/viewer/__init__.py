@@ -80,6 +80,15 @@ def remake(
         made = [new.replace(target / new.name) for new in files(beside)]
     except OSError as error:
         raise RecordingError(f"{target} cannot be written: {error.strerror or error}") from None
+    except RuntimeError as error:  # rerun's, for whatever befell the file
+        raise RecordingError(
+            f"the viewer's file cannot be written in {target}, is there room? {_said(error)}"
+        ) from None
     finally:
         shutil.rmtree(beside, ignore_errors=True)
     return made
+
+
+def _said(error: Exception) -> str:
+    """The last and most particular of what rerun puts one after the other."""
+    return str(error).split("\n")[0].rpartition(": ")[2] or "no reason is given"
