@@ -31,7 +31,11 @@ def open_stream(
     )
     stream.set_log_time_enabled(False)
     layout = _Layout(look)
-    stream.set_sinks(where, default_blueprint=layout)  # type: ignore[arg-type] # it asks for these two methods only
+    try:
+        stream.set_sinks(where, default_blueprint=layout)  # type: ignore[arg-type] # it asks for these two methods only
+    except BaseException:
+        abandon(stream)
+        raise
     layout.free()
     return stream
 
