@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from itertools import zip_longest
 from typing import Any
 
-from khepera_hil.reading import Run
+from khepera_hil.reading import Run, tick_of
 from khepera_hil.recording import HOST_COLUMNS
 
 __all__ = ["Comparison", "compare"]
@@ -48,13 +48,20 @@ def compare(one: Run, other: Run) -> Comparison:
     for run in (one, other):
         host |= set(map(str, run.manifest.get("host_columns") or []))
     counts = [0, 0]
-    for left, right in _aligned(one.rows(), other.rows()):
+    for left, right in _aligned(_sound(one), _sound(other)):
         counts[0] += left is not None
         counts[1] += right is not None
         if left is not None and right is not None:
             _columns(found, left, right, host)
     found.ticks = (counts[0], counts[1])
     return found
+
+
+def _sound(run: Run) -> Iterator[dict[str, Any]]:
+    """The log's rows. Raises RecordingError for one that is no tick."""
+    for row in run.rows():
+        tick_of(row)
+        yield row
 
 
 def _columns(found: Comparison, left: Mapping[str, Any], right: Mapping[str, Any], host: set[str]) -> None:

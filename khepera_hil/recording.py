@@ -225,6 +225,7 @@ class Recording:
             **manifest,
         }
         name = f"{started:%Y-%m-%dT%H-%M-%S}-{program}-{seed}"
+        folder = None
         try:
             Path(runs_dir).mkdir(parents=True, exist_ok=True)
             folder = _new_folder(Path(runs_dir), name)
@@ -232,6 +233,10 @@ class Recording:
             _replace(folder / MANIFEST, whole)
             log = _new_file(folder / LOG)
         except OSError as error:
+            if folder is not None:
+                with contextlib.suppress(OSError):  # half a folder is no run
+                    (folder / MANIFEST).unlink(missing_ok=True)
+                    folder.rmdir()
             raise RecordingError(
                 f"the run's folder cannot be made in {runs_dir}: {error.strerror or error}; "
                 "choose a folder that can be written with --runs"

@@ -214,6 +214,7 @@ TABLE: dict[str, set[str]] = {
     "khepera_hil.follower": set(),
     "khepera_hil.viewer": {
         "khepera_hil.viewer",
+        "khepera_hil.follower",
         "khepera_hil.reading",
         "khepera_hil.recording",
         "khepera_hil.errors",

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from khepera_hil.errors import RecordingError
+from khepera_hil.follower import Follower
 from khepera_hil.reading import read_manifest, read_ticks, tick_of
 from khepera_hil.recording import Tick
 
@@ -32,6 +33,9 @@ ROWS_FAST = 50
 
 PIECE = 1200.0
 """Seconds of the robot's time in one file, some 80 MB; a longer run has ``run-0001.rrd`` and so on."""
+
+PATIENCE = 15.0
+"""Seconds for which the making of a file may stand still."""
 
 
 def open_file(path: Path | str, manifest: Mapping[str, Any], *, rows: int, seconds: float = PIECE) -> Segments:
@@ -69,12 +73,7 @@ def remake(
     except OSError as error:
         raise RecordingError(f"{target} cannot be written: {error.strerror or error}") from None
     try:
-        sink = open_file(beside / FILE, manifest, rows=ROWS_FAST, seconds=seconds)
-        try:
-            for tick in ticks if ticks is not None else map(tick_of, read_ticks(folder)):
-                sink.write(tick, 0)
-        finally:
-            sink.close()
+        _make(beside / FILE, manifest, ticks if ticks is not None else map(tick_of, read_ticks(folder)), seconds)
         for old in files(target):
             old.unlink()
         made = [new.replace(target / new.name) for new in files(beside)]
@@ -83,3 +82,28 @@ def remake(
     finally:
         shutil.rmtree(beside, ignore_errors=True)
     return made
+
+
+def _make(path: Path, manifest: Mapping[str, Any], ticks: Iterable[Tick], seconds: float) -> None:
+    """Write it in a thread that is given up when nothing goes on: on a full disk rerun may wait for ever."""
+    follower: Follower[Tick] = Follower(
+        lambda: open_file(path, manifest, rows=ROWS_FAST, seconds=seconds),
+        name=FILE,
+        waits=True,
+        patience=PATIENCE,
+        deadline=PATIENCE,
+    )
+    follower.wait_until_open()
+    losses = [follower.error] if follower.error is not None else []
+    if not losses:
+        try:
+            for tick in ticks:
+                if follower.error is not None:
+                    break
+                follower.offer(tick)
+        finally:
+            losses = follower.close()
+    if losses:
+        raise RecordingError(
+            f"the viewer's file cannot be written in {path.parent.parent}, is there room? {losses[0]}"
+        )

@@ -17,7 +17,7 @@ from khepera_hil.viewer.eye import Eye
 from khepera_hil.viewer.layout import about, layout
 from khepera_hil.viewer.scene import Scene, readings
 from khepera_hil.viewer.states import States, is_word
-from khepera_hil.viewer.stream import open_stream
+from khepera_hil.viewer.stream import abandon, open_stream
 
 __all__ = ["RerunSink"]
 
@@ -90,11 +90,13 @@ class RerunSink:
         self._stream.flush(timeout_sec=2)
 
     def close(self) -> None:
-        """Send everything; a file gets its footer."""
+        """Send everything; a file gets its footer. Raises RuntimeError when the file took not all of it."""
         try:
             self.flush()
-        finally:
-            self._stream.disconnect()
+        except RuntimeError:
+            abandon(self._stream)
+            raise
+        self._stream.disconnect()
 
     def _all(self) -> list[Lane]:
         drawn = (self._beliefs.lanes, self._states.lanes, self._scene.lanes, self._eye.lanes)

@@ -7,13 +7,15 @@ So the layout's is disconnected when it was sent, and the list is swept whenever
 
 from __future__ import annotations
 
+import atexit
+import ctypes
 from typing import Any
 
 import rerun as rr
 import rerun.blueprint as rrb
 import rerun_bindings
 
-__all__ = ["open_stream"]
+__all__ = ["abandon", "open_stream"]
 
 
 def open_stream(
@@ -29,9 +31,22 @@ def open_stream(
     )
     stream.set_log_time_enabled(False)
     layout = _Layout(look)
-    stream.set_sinks(where, default_blueprint=layout)  # type: ignore[arg-type] # it asks for these two methods only
+    try:
+        stream.set_sinks(where, default_blueprint=layout)  # type: ignore[arg-type] # it asks for these two methods only
+    except BaseException:
+        abandon(stream)
+        raise
     layout.free()
     return stream
+
+
+def abandon(stream: rr.RecordingStream) -> None:
+    """Never free a stream that takes no more, as on a full disk: to finish or to forget it may wait for ever.
+
+    So may what rerun does at the end of the program; all other streams were finished by whoever had them.
+    """
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
+    atexit.unregister(rr.rerun_shutdown)
 
 
 class _Layout:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import resource
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
@@ -18,9 +22,11 @@ from hypothesis import strategies as st
 from khepera_hil.__main__ import outcome
 from khepera_hil.errors import RecordingError
 from khepera_hil.reading import Run, find, tick_of
-from khepera_hil.recording import LOG, MANIFEST
+from khepera_hil.recording import LOG, MANIFEST, Recording
 from khepera_hil.viewer import FILE, remake
 from khepera_hil.viewer.check import damage
+from tests.recording.test_recording import STARTED
+from tests.runs.cli import environment
 
 FEW = 12
 """Ticks of the run that is damaged: small, so that most places of it are hit."""
@@ -207,3 +213,37 @@ def test_what_makes_the_reader_abort_is_damage_too(viewers_file: bytes, tmp_path
     assert broken != viewers_file
     (tmp_path / FILE).write_bytes(broken)
     assert damage(tmp_path / FILE)
+
+
+@pytest.mark.parametrize("kilobytes", [16, 128])
+def test_where_there_is_no_room_for_the_viewers_file_that_is_said_and_the_command_ends(
+    copy: Path, kilobytes: int
+) -> None:
+    """rerun itself would wait for ever for a writer that has died."""
+    limit = kilobytes << 10
+    done = subprocess.run(
+        [sys.executable, "-m", "khepera_hil", "review", copy, "--picture", copy / "p.png"],
+        cwd=copy,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=90,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    )
+    assert done.returncode == 6, done.stderr
+    assert "the viewer's file cannot be written in" in done.stderr.splitlines()[-1]
+    assert "Traceback" not in done.stderr
+    assert sorted(path.name for path in copy.iterdir()) == [MANIFEST, LOG], "nothing half is left"
+
+
+def test_a_run_for_whose_folder_there_is_no_room_leaves_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("khepera_hil.recording.os.fsync", full)
+    with pytest.raises(RecordingError, match="No space left on device; choose a folder"):
+        Recording.create(tmp_path, program="home", seed=1, manifest={}, started=STARTED)
+    assert list(tmp_path.iterdir()) == []
