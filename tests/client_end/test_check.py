@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from khepera_hil.__main__ import main
+from khepera_hil.__main__ import outcome
 from khepera_hil.protocol import RequestLines
 from tests.client_end.robots import Cable, Robot
 
@@ -21,7 +21,7 @@ def result(text: str) -> dict[str, Any]:
 
 
 def test_the_emulated_robot_is_well(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["check", *QUICK])  # whether this machine was punctual is none of the test's business
+    outcome(["check", *QUICK])  # whether this machine was punctual is none of the test's business
     said = capsys.readouterr().out
     found = result(said)
     assert "emulator://furnished at 38400 baud" in said
@@ -38,7 +38,7 @@ def test_the_emulated_robot_is_well(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_on_a_bad_line_the_check_goes_on_and_counts(capsys: pytest.CaptureFixture[str]) -> None:
     port = "emulator://empty?faults=flip=0.01,boot@1.5/1&robot=khepera2"
-    assert main(["check", "--port", port, "--baud", "115200", "--n", "40", "--seconds", "1", "--json"]) == 1
+    assert outcome(["check", "--port", port, "--baud", "115200", "--n", "40", "--seconds", "1", "--json"]) == 1
     said = capsys.readouterr().out
     assert "robot     Khepera II: BIOS 6.01" in said
     trips = result(said)["round_trips_ms"]
@@ -53,7 +53,7 @@ def test_what_should_be_looked_at_is_said_and_no_wheel_is_moved(
     robot = Robot(cable.end)
     robot.answers |= {"N": (1023, 0, 3, 0, 0, 0, 0, 0), "E": (5, -5), "I": (512,)}
     try:
-        assert main(["check", "--port", cable.name, *QUICK]) == 1
+        assert outcome(["check", "--port", cable.name, *QUICK]) == 1
     finally:
         robot.off()
     said = capsys.readouterr().out
@@ -71,15 +71,15 @@ def test_what_should_be_looked_at_is_said_and_no_wheel_is_moved(
 
 
 def test_a_port_without_a_robot_has_its_exit_code(cable: Cable, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", "--port", cable.name, *QUICK]) == 4
+    assert outcome(["check", "--port", cable.name, *QUICK]) == 4
     assert "no Khepera answers" in capsys.readouterr().err
-    assert main(["check", "--port", "/dev/nowhere", *QUICK]) == 3
-    assert main(["check", "--port", cable.name, "--n", "none"]) == 2
+    assert outcome(["check", "--port", "/dev/nowhere", *QUICK]) == 3
+    assert outcome(["check", "--port", cable.name, "--n", "none"]) == 2
     assert "is no number of times" in capsys.readouterr().err
 
 
 def test_a_period_that_the_line_cannot_keep_is_not_the_computers_fault(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", "--period", "0.02", "--n", "1", "--seconds", "0.2"]) == 1
+    assert outcome(["check", "--period", "0.02", "--n", "1", "--seconds", "0.2"]) == 1
     said = capsys.readouterr().out
     assert "! N and O need 34 ms at this rate: a loop of 20 ms cannot read them" in said
     assert "is this computer busy" not in said

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from khepera_hil.__main__ import main
+from khepera_hil.__main__ import outcome
 from tests.robot_end.serving import PATIENCE, ManualClient
 
 EMULATE = [sys.executable, "-m", "khepera_hil", "emulate"]
@@ -87,7 +87,7 @@ def test_behind_a_port_of_its_own_choice_with_robot_and_turrets() -> None:
 
 def test_a_log_into_a_pipe_that_nobody_reads_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     os.mkfifo(tmp_path / "pipe")
-    assert main(["emulate", "--tcp", ":0", "--log", str(tmp_path / "pipe")]) == 6
+    assert outcome(["emulate", "--tcp", ":0", "--log", str(tmp_path / "pipe")]) == 6
     assert "cannot be written: No such device or address" in capsys.readouterr().err
 
 
@@ -147,7 +147,7 @@ def test_a_mistake_is_one_sentence_and_an_exit_code(
 ) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    assert main(["emulate", *arguments]) == code
+    assert outcome(["emulate", *arguments]) == code
     told, complaint = capsys.readouterr()
     assert told == ""
     assert sentence in complaint
