@@ -50,7 +50,9 @@ def headless(files: Sequence[Path], size: tuple[int, int]) -> Iterator[Any]:
     arguments += ["--bind", "127.0.0.1", "--port", str(port)]
     # A home of its own: what somebody changed in their viewer does not change the picture.
     with tempfile.TemporaryDirectory() as home:
-        process = program.start([*files, *arguments], HOME=home, XDG_DATA_HOME=home, **program.software_rendering())
+        process = program.start(
+            [*files, *arguments], environment={"HOME": home, "XDG_DATA_HOME": home, **program.software_rendering()}
+        )
         try:
             yield _connected(process, port)
         finally:

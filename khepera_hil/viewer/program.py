@@ -9,7 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from khepera_hil.errors import ViewerError
@@ -42,7 +42,7 @@ wait $viewer
 
 
 def start(
-    arguments: Sequence[str | Path], *, outlives: bool = False, **environment: str
+    arguments: Sequence[str | Path], *, outlives: bool = False, environment: Mapping[str, str] | None = None
 ) -> subprocess.Popen[bytes]:
     """Run it in a session of its own, so that Ctrl-C here does not end it, with nothing of it on our terminal.
 
@@ -51,7 +51,7 @@ def start(
     command = [program(), *map(str, arguments)]
     return subprocess.Popen(
         command if outlives else ["/bin/sh", "-c", _TIED, "sh", *command],
-        env={**os.environ, "RUST_LOG": "error", **environment},
+        env={**os.environ, "RUST_LOG": "error", **(environment or {})},
         stdin=subprocess.DEVNULL if outlives else subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
