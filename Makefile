@@ -4,8 +4,8 @@ BIN := .venv/bin
 
 .PHONY: run test lint bench clean
 
-run: .venv/run.stamp            ## the main job on the emulated robot for a minute
-	$(BIN)/khepera-hil --program home --duration 60
+run: .venv/run.stamp            ## a minute of the watchman's night on the emulated robot
+	$(BIN)/khepera-hil --program watchman --scenario night --seed 4 --duration 60
 
 test: .venv/dev.stamp           ## all tests
 	$(BIN)/python -m pytest

@@ -1,19 +1,18 @@
-"""``python -m benchmarks.soak``: many simulated hours of a program on a bad line, in one process.
+"""``python -m benchmarks.soak``: many simulated hours of a program on a bad line.
 
-The command line's main job is run in parts, one after the other, each with its own seed. After each part: did it
-end well, are the ticks in its log without a gap, have memory and descriptors grown? Its recording is then thrown
-away.
+The command line's main job is run in parts, each a process with its own seed. Of each: did it end well, are the
+ticks in its log without a gap, did memory and descriptors grow from the second third of its time to the last? Its
+recording is then thrown away.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
-import gc
-import io
 import json
 import os
 import shutil
+import subprocess
 import sys
 import tempfile
 import time
@@ -22,23 +21,31 @@ from typing import Any
 
 import numpy as np
 
-from khepera_hil.__main__ import main as khepera_hil
 from khepera_hil.reading import read_ticks, tick_of
 
 FAULTS = "lines=1e-3,bytes=1e-3"
 PERIOD = 0.1
 GROWTH = 4.0
-"""MB an hour of the fitted line through the parts' ends, from the second part on, that count as growth."""
+"""MB a simulated hour, the median of the parts, that count as growth."""
 
 
 def part(hours: float, seed: int, program: str, faults: str, folder: Path) -> dict[str, Any]:
     """One run: its exit code, its ticks, and what of them is missing."""
     asked = ["--program", program, "--fast", "--resume", "--faults", faults, "--seed", str(seed)]
     asked += ["--duration", str(3600 * hours), "--patience", "1e6", "--runs", str(folder), "--json"]
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = khepera_hil(asked)
-    result = json.loads(out.getvalue().splitlines()[-1]) if code == 0 else {}
+    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
+        process = subprocess.Popen([sys.executable, "-m", "khepera_hil", *asked], stdout=out, stderr=err)
+        samples = []
+        while process.poll() is None:
+            with contextlib.suppress(OSError, IndexError):  # it has just ended
+                samples.append(resources(process.pid))
+            time.sleep(0.25)
+        out.seek(0)
+        err.seek(0)
+        code, said = process.returncode, err.read().strip()
+        result = json.loads(out.read().splitlines()[-1]) if code == 0 else {}
+    third = len(samples) // 3
+    before, after = (np.median(np.array(part), axis=0) for part in (samples[third : 2 * third], samples[-third:]))
     ticks = gaps = blind = 0
     longest = run_blind = 0
     for run in sorted(folder.iterdir()):
@@ -52,7 +59,7 @@ def part(hours: float, seed: int, program: str, faults: str, folder: Path) -> di
     return {
         "seed": seed,
         "exit": code,
-        "said": err.getvalue().strip()[-300:],
+        "said": said[-300:],
         "ticks": ticks,
         "due": round(3600 * hours / PERIOD),
         "gaps": gaps,
@@ -60,14 +67,15 @@ def part(hours: float, seed: int, program: str, faults: str, folder: Path) -> di
         "longest_without_data": longest,
         "faults": sum(result.get("faults", {}).values()),
         "resets": result.get("robot_resets"),
+        "memory_mb": [round(float(before[0]), 1), round(float(after[0]), 1)],
+        "descriptors": [int(before[1]), int(after[1])],
     }
 
 
-def resources() -> tuple[float, int]:
-    """MB of memory in use, and descriptors open."""
-    gc.collect()
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6, len(os.listdir("/proc/self/fd"))
+def resources(pid: int) -> tuple[float, int]:
+    """MB of memory in use by a process, and descriptors that it has open."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6, len(os.listdir(f"/proc/{pid}/fd"))
 
 
 def main() -> int:
@@ -88,13 +96,11 @@ def main() -> int:
             hours = min(asked.part, asked.hours - done)
             found = part(hours, asked.seed + len(parts), asked.program, asked.faults, Path(folder))
             done += hours
-            memory, descriptors = resources()
-            parts.append({**found, "hours": done, "memory_mb": round(memory, 1), "descriptors": descriptors})
+            parts.append({**found, "hours": done})
             print(json.dumps(parts[-1]), file=sys.stderr, flush=True)
-    growth = 0.0
-    if len(parts) > 3:
-        x, y = np.array([(one["hours"], one["memory_mb"]) for one in parts[1:]]).T
-        growth = float(np.polyfit(x, y, 1)[0])
+    # From the middle of the second third of a part to the middle of its last third it is a part's third.
+    growth = [3 * (one["memory_mb"][1] - one["memory_mb"][0]) / min(asked.part, asked.hours) for one in parts]
+    opened = [one["descriptors"][1] - one["descriptors"][0] for one in parts]
     result = {
         "hours": done,
         "ticks": sum(one["ticks"] for one in parts),
@@ -102,13 +108,13 @@ def main() -> int:
         "without_data": sum(one["without_data"] for one in parts),
         "failed_parts": sum(one["exit"] != 0 for one in parts),
         "gaps": sum(one["gaps"] + abs(one["ticks"] - one["due"]) for one in parts),
-        "memory_mb": [parts[0]["memory_mb"], parts[-1]["memory_mb"]],
-        "memory_growth_mb_per_hour": round(growth, 3),
-        "descriptors": sorted({one["descriptors"] for one in parts}),
+        "memory_mb": max(one["memory_mb"][1] for one in parts),
+        "memory_growth_mb_per_hour": round(float(np.median(growth)), 2),
+        "descriptors_more": max(opened),
         "seconds": round(time.perf_counter() - began, 1),
     }
     print(json.dumps(result) if asked.json else json.dumps(result, indent=2))
-    grew = growth > GROWTH or parts[-1]["descriptors"] > parts[0]["descriptors"]
+    grew = float(np.median(growth)) > GROWTH or max(opened) > 0
     return int(bool(result["failed_parts"] or result["gaps"] or grew))
 
 

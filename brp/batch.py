@@ -19,12 +19,17 @@ __all__ = ["answered", "columns"]
 NUMBERS = 30_000
 """So many numbers of an array are worked on at a time: as many as stay in a processor's cache."""
 
+WORDS = 32
+"""The words of so few values are compared with a whole column, one after the other."""
+
 
 def columns(signature: Signature, told: Mapping[str, Any]) -> tuple[int, Evidence]:
     """How many rows there are, and their places (shape ``(n,)``) and weights (shape ``(n, values)``).
 
     Raises `EvidenceError` or `NotAValue`.
     """
+    if not isinstance(told, Mapping):
+        raise EvidenceError(f"a batch is told columns by name, as in {{'X': [1, 2]}}, and not {told!r}")
     named = {v.keyword: v for v in signature.known}
     if named.keys() != told.keys():
         signature.read(told)  # says which is missing, or superfluous
@@ -49,6 +54,8 @@ def columns(signature: Signature, told: Mapping[str, Any]) -> tuple[int, Evidenc
 
 def _places(variable: Variable, column: Sequence[Any]) -> NDArray[np.intp]:
     values = variable.values
+    if isinstance(column, list | tuple) and not isinstance(values, range):
+        return _looked_up(variable, column)
     given = np.asarray(column)
     if isinstance(values, range) and np.issubdtype(given.dtype, np.integer):
         places, rest = np.divmod(given.astype(np.int64) - values.start, values.step)
@@ -57,11 +64,22 @@ def _places(variable: Variable, column: Sequence[Any]) -> NDArray[np.intp]:
             row = int(wrong[0])
             raise NotAValue(f"row {row}: {variable} = {given[row]} is not one of its values ({variable.domain})")
         return places.astype(np.intp)
-    listed = given.tolist()
+    if given.dtype == np.bool_ and False in variable.places and True in variable.places:
+        return np.where(given, variable.places[True], variable.places[False])
+    if given.dtype.kind == "U" and len(values) <= WORDS and all(isinstance(value, str) for value in values):
+        places = np.full(len(given), -1, dtype=np.intp)
+        for place, word in enumerate(values):
+            places[given == word] = place
+        if (places >= 0).all():
+            return places
+    return _looked_up(variable, given.tolist())
+
+
+def _looked_up(variable: Variable, listed: Sequence[Any]) -> NDArray[np.intp]:
     try:
-        return np.fromiter(map(variable.places.__getitem__, listed), dtype=np.intp, count=len(given))
+        return np.fromiter(map(variable.places.__getitem__, listed), dtype=np.intp, count=len(listed))
     except (KeyError, TypeError):
-        return np.fromiter(map(variable.place, listed), dtype=np.intp, count=len(given))  # says which is none
+        return np.fromiter(map(variable.place, listed), dtype=np.intp, count=len(listed))  # says which is none
 
 
 def _weights(variable: Variable, column: Any) -> NDArray[np.float64]:

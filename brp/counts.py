@@ -90,6 +90,8 @@ class Histogram(Counting):
 
     def __init__(self, *, bins: int | None = None, unvisited: Nearest | Literal["uniform"] = "uniform") -> None:
         super().__init__(bins)
+        if unvisited != "uniform" and not isinstance(unvisited, Nearest):
+            raise SpecificationError(f'a Histogram\'s unvisited is "uniform" or Nearest(), not {unvisited!r}')
         self.unvisited = unvisited
 
     def __repr__(self) -> str:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from math import inf
-from typing import Any
+from typing import Any, NoReturn
 
 from numpy.typing import ArrayLike
 
 from brp.errors import DataError, QuestionError, SpecificationError
-from brp.factors import Factor
+from brp.factors import Factor, label
 from brp.forms import Form
 from brp.question import LARGEST, Question
 from brp.renewal import Plan
@@ -32,6 +32,8 @@ class Specification:
 
     def __init__(self, forms: Mapping[Term, Form], *, name: str = "") -> None:
         self.name = name
+        if not isinstance(forms, Mapping):
+            raise SpecificationError(f"{self} wants a mapping from its terms to their forms, and got {forms!r}")
         self.forms = dict(forms)
         _check(self)
         self.terms: tuple[Term, ...] = tuple(self.forms)
@@ -64,9 +66,11 @@ class Specification:
         free terms what they are, in place of the data: a table written by hand for a taught one.
         """
         given = dict(parameters or {})
-        for term in given:
+        for term, form in given.items():
             if term not in self.free:
                 raise SpecificationError(f"{term} of {self} has no free parameters that could be given")
+            if not isinstance(form, Form):
+                raise SpecificationError(f"{term} of {self} is given {form!r}, which is no form")
         needed = {v for term in self.free if term not in given for v in term.variables}
         read = Samples.of(samples, [v for v in self.variables if v in needed], weights)
         if (read.weights < 0).any():
@@ -83,15 +87,15 @@ class Specification:
         }
         return Description(self, forms, name)
 
+    def ask(self, *_: object, **__: object) -> NoReturn:
+        """Refused: only a description can be asked."""
+        raise QuestionError(f"{self} has met no data, and cannot be asked: identify() makes it a description")
+
     def __str__(self) -> str:
         return self.name or "a specification without a name"
 
     def __repr__(self) -> str:
-        width = max(len(str(term)) for term in self.terms)
-        lines = [f"Specification {self}"]
-        lines += [f"  {variable} in {{{variable.domain}}}, {len(variable)} values" for variable in self.variables]
-        lines += [f"  {term!s:{width}} = {form!r}" for term, form in self.forms.items()]
-        return "\n".join(lines)
+        return _drawn(f"Specification {self}", self.variables, self.forms)
 
 
 class Description:
@@ -119,7 +123,9 @@ class Description:
         return self.specification.variables
 
     def __getitem__(self, term: Term) -> Form:
-        """The identified form of a term."""
+        """The identified form of a term, written as in the specification."""
+        if term not in self._forms:
+            raise QuestionError(f"{self} has no term {term}; it has {', '.join(map(str, self._forms))}")
         return self._forms[term]
 
     def ask(self, term: Term, *, soft: Variable | Iterable[Variable] = (), largest: int = LARGEST) -> Question:
@@ -133,7 +139,7 @@ class Description:
         """
         if not isinstance(term, Term):
             raise QuestionError(f"{self} is asked {term!r}, and wants a term: P(Searched | Known)")
-        softly = (soft,) if isinstance(soft, Variable) else tuple(soft)
+        softly = (soft,) if isinstance(soft, Variable | str) else tuple(soft)
         key = (term, softly, largest)
         if key not in self._questions:
             self._questions[key] = Question(self, term, largest, soft=softly, like=self._plans.get(key))
@@ -160,6 +166,8 @@ class Description:
         return self._with(datum, -weight)
 
     def _with(self, datum: Mapping[str, Any], weight: float) -> Description:
+        if not isinstance(datum, Mapping):
+            raise DataError(f"a datum is a mapping from a variable's name to its value, and not {datum!r}")
         needed = [v for v in self.variables if any(v in t.variables for t, f in self._forms.items() if f.learns)]
         names = {key for v in needed for key in (v.name, v.keyword)}
         missing = [v for v in needed if v.name not in datum and v.keyword not in datum]
@@ -178,6 +186,20 @@ class Description:
 
         All others sum to 1 over unknown variables.
         """
+        wanted = self._wanted(term)
+        return [self._factor(t) for t in self._forms if t in wanted]
+
+    def beside(self, term: Term) -> tuple[str, ...]:
+        """The names of all other terms than those of `relevant`."""
+        wanted, own = self._wanted(term), self.specification.name
+        free = self.specification.free
+        return tuple(
+            label(t.of, t.given, self.names if t in free else (own,) if own else ())
+            for t in self._forms
+            if t not in wanted
+        )
+
+    def _wanted(self, term: Term) -> dict[Term, None]:
         defining = {v: t for t in self._forms for v in t.of}
         wanted: dict[Term, None] = {}
         waiting = list(term.variables)
@@ -186,7 +208,7 @@ class Description:
             if here not in wanted:
                 wanted[here] = None
                 waiting.extend(here.given)
-        return [self._factor(t) for t in self._forms if t in wanted]
+        return wanted
 
     def _factor(self, term: Term) -> Factor:
         ready = self.specification._factors.get(term) or self._factors.get(term)
@@ -198,7 +220,16 @@ class Description:
         return text(self.names) or "a description without a name"
 
     def __repr__(self) -> str:
-        return f"Description {self}\n" + repr(self.specification)
+        return _drawn(f"Description {self}", self.variables, self._forms)
+
+
+def _drawn(title: str, variables: Iterable[Variable], forms: Mapping[Term, Form]) -> str:
+    """A decomposition as it is looked at: its variables with their values, its terms with their forms."""
+    width = max(len(str(term)) for term in forms)
+    lines = [title]
+    lines += [f"  {variable} in {{{variable.domain}}}, {len(variable)} values" for variable in variables]
+    lines += [f"  {term!s:{width}} = {form!r}" for term, form in forms.items()]
+    return "\n".join(lines)
 
 
 def _check(specification: Specification) -> None:
@@ -209,7 +240,7 @@ def _check(specification: Specification) -> None:
         raise SpecificationError(f"{specification} has no terms")
     for term, form in specification.forms.items():
         if not isinstance(term, Term) or not isinstance(form, Form):  # type: ignore[redundant-expr]  # a user's slip
-            raise SpecificationError(f"{specification} has {term!r}: {form!r}, and wants a term and its form")
+            raise SpecificationError(f"{specification} has {term}: {form!r}, and wants a term and its form")
         for variable in term.of:
             if variable in defining:
                 raise SpecificationError(

@@ -43,7 +43,13 @@ class Distribution:
 
     def draw(self, rng: np.random.Generator) -> Any:
         """Draw(P(Searched | known)) of section 3.4; takes exactly one uniform number from ``rng``."""
-        return self.at(rng.random())
+        try:
+            u = rng.random()
+        except AttributeError:
+            raise QuestionError(
+                f"{rng!r} gives no uniform numbers: a draw takes a numpy.random.Generator"
+            ) from None
+        return self.at(u)
 
     def at(self, u: float) -> Any:
         """The value that the uniform number ``u`` in [0, 1) draws, so that a recorded draw can be made again.
@@ -90,7 +96,11 @@ class Distribution:
         Raises `ImpossibleEvidence` when what is given has probability zero.
         """
         for part in (proposition, given):
-            foreign = [v for v in part.variables if v not in self.variables] if part is not None else []
+            if part is None and part is given:
+                continue
+            if not isinstance(part, Proposition):
+                raise QuestionError(f"{part!r} is no proposition: say {self.variables[0]}.is_(value), not ==")
+            foreign = [v for v in part.variables if v not in self.variables]
             if foreign:
                 raise QuestionError(f"{text(foreign)} is not among what was searched ({text(self.variables)})")
         truth = proposition.truth(self.variables)
@@ -112,6 +122,8 @@ class Distribution:
         for variable in variables:
             if variable not in self.variables:
                 raise QuestionError(f"{variable} is not among what was searched ({text(self.variables)})")
+        if not variables:
+            raise QuestionError(f"a marginal is over one of {text(self.variables)} at least")
         if len(set(variables)) < len(variables):
             raise QuestionError(f"{text(variables)} has a variable twice")
         if variables == self.variables:
@@ -122,8 +134,18 @@ class Distribution:
         return Distribution(tuple(variables), self.p.sum(axis=rest).transpose([order.index(axis) for axis in kept]))
 
     def __getitem__(self, value: Any) -> float:
+        return float(self.p[self.place(value)])
+
+    __iter__ = None  # or Python would try d[0], d[1], ...; `values` and `p` are what can be gone through
+
+    def place(self, value: Any) -> tuple[int, ...]:
+        """Where a value stands in ``p``: its place for each variable."""
         parts = (value,) if len(self.variables) == 1 else value
-        return float(self.p[tuple(v.place(part) for v, part in zip(self.variables, parts, strict=True))])
+        if not isinstance(parts, tuple | list) or len(parts) != len(self.variables):
+            raise QuestionError(
+                f"{value!r} is no value of {text(self.variables)}: it is a tuple, one value for each"
+            )
+        return tuple(v.place(part) for v, part in zip(self.variables, parts, strict=True))
 
     def _value(self, place: int) -> Any:
         if len(self.variables) == 1:

@@ -48,9 +48,10 @@ class Signature:
         """The evidence; raises `EvidenceError` or `NotAValue` with a sentence that names what does not fit."""
         wanted = {v.keyword: v for v in self.known}
         missing = [v for keyword, v in wanted.items() if keyword not in told]
-        if missing:
-            raise EvidenceError(f"{self.name} must be told {text(missing)}")
         extra = [keyword for keyword in told if keyword not in wanted]
+        if missing:
+            instead = f", and not {text(extra)}" if extra else ""
+            raise EvidenceError(f"{self.name} must be told {text(v.keyword for v in missing)}{instead}")
         if extra:
             knows = text(self.known) or "nothing"
             raise EvidenceError(f"{self.name} does not know {text(extra)}; it knows {knows}")

@@ -37,11 +37,14 @@ class Filter:
     """
 
     def __init__(
-        self, description: Description, carried: Mapping[Variable, Variable], known: Iterable[Variable] = ()
+        self,
+        description: Description,
+        carried: Mapping[Variable, Variable],
+        known: Variable | Iterable[Variable] = (),
     ) -> None:
         _check(description, carried)
         self.now, self.before = tuple(carried), tuple(carried.values())
-        self.known = tuple(known)
+        self.known = (known,) if isinstance(known, Variable) else tuple(known)
         # The belief takes the place of these terms. Uniform, they leave the weight of each value before as it is.
         replaced = [t for t in description.specification.terms if set(t.of) <= set(self.before)]
         foreign = [t for t in replaced if not set(t.given) <= set(self.before)]
@@ -60,8 +63,8 @@ class Filter:
 
         Raises `ImpossibleEvidence` when what is known has probability zero under the belief.
         """
-        if belief.variables != self.now:
-            raise QuestionError(f"the filter carries a belief about {text(self.now)}, not {text(belief.variables)}")
+        if getattr(belief, "variables", None) != self.now:
+            raise QuestionError(f"the filter carries a belief about {text(self.now)}, and not {belief!r}")
         size = cells(self.now)
         kernel = self.question(**known).p.reshape(size, size)
         before = belief.p.ravel()
@@ -74,10 +77,12 @@ class Filter:
 
     def follow(self, value: Any, /, **known: Any) -> Distribution:
         """The belief about now after the value that was drawn at the last step (a tuple of several)."""
-        parts = (value,) if len(self.now) == 1 else value
         p = np.zeros(tuple(map(len, self.now)))
-        p[tuple(v.place(part) for v, part in zip(self.now, parts, strict=True))] = 1
+        p[self.start.place(value)] = 1
         return self.step(Distribution(self.now, p), **known)
+
+    def __repr__(self) -> str:
+        return _drawn(self)
 
     def _slowly(self, before: Array, known: Mapping[str, Any]) -> Array:
         """In logarithms: what is known is unlikely after what was believed, or impossible."""
@@ -138,13 +143,15 @@ class Particles:
         self,
         description: Description,
         carried: Mapping[Variable, Variable],
-        known: Iterable[Variable] = (),
+        known: Variable | Iterable[Variable] = (),
         *,
         count: int = 1000,
     ) -> None:
         _check(description, carried)
         self.now, self.before = tuple(carried), tuple(carried.values())
-        self.known = tuple(known)
+        self.known = (known,) if isinstance(known, Variable) else tuple(known)
+        if count < 1:
+            raise QuestionError(f"a cloud of {count} particles says nothing")
         self.count = count
         factors = description.relevant(Term((*self.now, *self.known)))
         self._prior = [f for f in factors if set(f.of) <= set(self.before)]
@@ -155,6 +162,9 @@ class Particles:
             if foreign:
                 raise QuestionError(f"{factor} has {text(foreign)}, which the particles neither carry nor are told")
         self._rest = in_order(self._rest)
+
+    def __repr__(self) -> str:
+        return _drawn(self)
 
     def start(self, rng: np.random.Generator) -> Cloud:
         """The description's own P(Before), as a cloud about now."""
@@ -202,7 +212,14 @@ def _resampled(cloud: Cloud, rng: np.random.Generator) -> Cloud:
     return Cloud({v: places[who] for v, places in cloud.places.items()}, np.full(count, 1 / count))
 
 
+def _drawn(which: Filter | Particles) -> str:
+    carried = ", ".join(f"{now} becomes {before}" for now, before in zip(which.now, which.before, strict=True))
+    return f"<{type(which).__name__}: {carried}; told {text(which.known) or 'nothing'}>"
+
+
 def _check(description: Description, carried: Mapping[Variable, Variable]) -> None:
+    if not isinstance(carried, Mapping):
+        raise QuestionError(f"a filter wants a mapping from what is now to what was before, and not {carried!r}")
     if not carried:
         raise QuestionError("a filter carries at least one variable from now to before")
     for now, before in carried.items():

@@ -183,6 +183,10 @@ class Switch(Form):
     """
 
     def __init__(self, variable: Variable, cases: Mapping[Any, Form]) -> None:
+        if not (isinstance(variable, Variable) and isinstance(cases, Mapping)):  # type: ignore[redundant-expr]  # slips
+            raise SpecificationError(
+                f"a Switch wants a command variable and a mapping from its values, not {variable!r}, {cases!r}"
+            )
         self.variable = variable
         self.cases = dict(cases)
         self._forms: dict[int, Form] = {}
@@ -233,9 +237,12 @@ class Switch(Form):
         )
 
     def factor(self, term: Term, names: tuple[str, ...]) -> Factor:
-        """The cases, side by side."""
+        """The cases, side by side, each known by its values: ``P(Temp | winter pi-weather)``."""
         within = self.within(term)
-        factors = {id(form): form.factor(within, names) for form in self.cases.values()}
+        values: dict[int, list[Value]] = {}
+        for place, value in enumerate(self.variable.values):
+            values.setdefault(id(self._forms[place]), []).append(value)
+        factors = {id(form): form.factor(within, (_case(values[id(form)]), *names)) for form in self.cases.values()}
         branches = tuple(factors[id(self._forms[place])] for place in range(len(self.variable)))
         return Cases(term.of, names, self.variable, branches)
 
@@ -282,6 +289,10 @@ def _fill(p: NDArray[np.float64], column: Any, term: Term) -> None:
         return
     for key, probability in column.items():
         parts = (key,) if len(term.of) == 1 else key
+        if not isinstance(parts, tuple) or len(parts) != len(term.of):
+            raise SpecificationError(
+                f"the table of {term} has the key {key!r}; it wants one value for each searched"
+            )
         p[tuple(v.place(part) for v, part in zip(term.of, parts, strict=True))] = _numbers(probability, term)
 
 
@@ -323,6 +334,11 @@ def _proper(p: NDArray[np.float64], term: Term, given: tuple[Variable, ...]) -> 
         at = tuple(int(i) for i in wrong[0])
         where = f" for {_where(given, at)}" if given else ""
         raise SpecificationError(f"the table of {term} sums to {totals[at]:.6g}{where}, and must sum to 1")
+
+
+def _case(values: Sequence[Value]) -> str:
+    """What a case of a Switch is called among what is known."""
+    return "/".join(map(str, values)) if len(values) <= 3 else f"{values[0]}/../{values[-1]}"
 
 
 def _where(given: tuple[Variable, ...], at: tuple[int, ...]) -> str:

@@ -82,7 +82,7 @@ def report(simplified: Simplified) -> str:
         ("uniform, dropped", _listed(simplified.flat)),
         ("constant, dropped", _listed(f for f in simplified.constant if not f.vanishes)),
         ("constant, kept since it may be zero", _listed(f for f in simplified.constant if f.vanishes)),
-        ("sums to 1, vanished", _listed(simplified.vanished)),
+        ("sums to 1, vanished", _listed([*simplified.beside, *simplified.vanished])),
         ("outside the sum", _listed(simplified.outside) if simplified.summed else ""),
         ("summed, in this order", _short(text(simplified.order))),
         ("largest array", f"{simplified.largest} numbers; {simplified.operations} multiplications"),
@@ -90,5 +90,5 @@ def report(simplified: Simplified) -> str:
     return "\n".join(f"{what}: {which}" for what, which in lines if which)
 
 
-def _listed(factors: Iterable[Factor]) -> str:
+def _listed(factors: Iterable[Factor | str]) -> str:
     return _short(", ".join(map(str, factors)))

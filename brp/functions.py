@@ -62,7 +62,14 @@ def tabulate(
 ) -> tuple[tuple[Variable, ...], NDArray[np.float64]]:
     """A function, or a constant, as the variables that it uses and an array with an axis for each of them."""
     if not callable(function):
-        return (), np.asarray(float(function))
+        return (), np.asarray(_number(function, what))
     tabulated = Function(function, variables, what)
-    numbers = np.fromiter((float(row) for row in tabulated.rows()), dtype=np.float64)
+    numbers = np.fromiter((_number(row, what) for row in tabulated.rows()), dtype=np.float64)
     return tabulated.used, numbers.reshape(tuple(map(len, tabulated.used)))
+
+
+def _number(said: Any, what: str) -> float:
+    try:
+        return float(said)
+    except (TypeError, ValueError):
+        raise SpecificationError(f"{what} is {said!r}, which is no number") from None

@@ -43,6 +43,10 @@ class Prior:
     deviation: float
     strength: float = 0.0
 
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.mean) and 0 < self.deviation < math.inf and 0 <= self.strength < math.inf):
+            raise SpecificationError(f"{self!r} wants a deviation above 0 and a strength of 0 or more samples")
+
 
 class Gaussian(Form):
     """G(mu, sigma) over a numeric variable, normalised on its values.
@@ -65,6 +69,10 @@ class Gaussian(Form):
             raise SpecificationError("a Gaussian is given both its mean and its deviation, or neither")
         if not floor > 0:
             raise SpecificationError("a Gaussian's floor must be above 0; for one certain value use Dirac")
+        if unvisited != "uniform" and not isinstance(unvisited, Nearest | Prior):
+            raise SpecificationError(
+                f'a Gaussian\'s unvisited is Nearest(), a Prior or "uniform", not {unvisited!r}'
+            )
         self.mean = mean
         self.deviation = deviation
         self.unvisited = unvisited

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from brp.description import Description
 from brp.distribution import Distribution
-from brp.errors import EvidenceError, ImpossibleEvidence, QuestionError, TooLarge
+from brp.errors import ImpossibleEvidence, QuestionError, TooLarge
+from brp.evidence import Signature
 from brp.pointwise import log_at
 from brp.variables import Term, Variable, cells, text
 
@@ -128,24 +129,24 @@ def grow(variable: Variable, logs: Logs, *, error: float = 0.01, most: int = 409
 def tree(
     description: Description,
     term: Term,
-    known: Mapping[Variable, Any] | None = None,
+    known: Mapping[str, Any] | None = None,
     *,
     error: float = 0.01,
     most: int = 4096,
     first: int = 64,
 ) -> Tree:
-    """P(X | Known) for one numeric ``X`` of many values, as a tree; ``known`` has the value of each known variable.
+    """P(X | Known) for one numeric ``X`` of many values, as a tree; ``known`` has each known value by keyword.
 
     Unknown variables are summed out place by place, so they may have few values together (`TooLarge` otherwise).
     """
-    told = dict(known or {})
+    if not isinstance(term, Term):
+        raise QuestionError(f"{description} is asked {term!r}, and wants a term: P(X | Known)")
     missing = [v for v in term.variables if v not in description.variables]
     if missing:
         raise QuestionError(f"{description} has no variable {text(missing)}; it has {text(description.variables)}")
     if len(term.of) != 1:
         raise QuestionError(f"a tree is over one variable, and {term} searches {text(term.of)}")
-    if set(told) != set(term.given):
-        raise EvidenceError(f"{term} must be told {text(term.given) or 'nothing'} and nothing else")
+    told = Signature(str(term), term.given, ()).read(known or {}).places
     (variable,) = term.of
     factors = description.relevant(term)
     unknown = [v for v in dict.fromkeys(v for f in factors for v in f.scope) if v not in term.variables]
@@ -153,7 +154,7 @@ def tree(
         raise TooLarge(
             f"{text(unknown)} have {cells(unknown)} values together, too many to be summed at each place"
         )
-    places: dict[Variable, NDArray[np.intp]] = {v: np.asarray(v.place(value)) for v, value in told.items()}
+    places: dict[Variable, NDArray[np.intp]] = {v: np.asarray(place) for v, place in told.items()}
     for axis, v in enumerate(unknown):
         places[v] = np.arange(len(v)).reshape(1, *(len(v) if k == axis else 1 for k in range(len(unknown))))
     lengths = tuple(map(len, unknown))

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brp.errors import SpecificationError
 from brp.functions import Function
-from brp.variables import Variable
+from brp.variables import Variable, text
 
 __all__ = ["Nearest", "nearest"]
 
@@ -34,6 +35,11 @@ class Nearest:
     scale: Mapping[str, float] = field(default_factory=dict)
     within: Callable[..., Any] | None = None
 
+    def __repr__(self) -> str:
+        said = [f"scale={dict(self.scale)}"] if self.scale else []
+        said += [f"within={self.within!r}"] if self.within is not None else []
+        return f"Nearest({', '.join(said)})"
+
 
 def nearest(
     visited: NDArray[np.bool_], given: tuple[Variable, ...], rule: Nearest, what: str
@@ -44,6 +50,9 @@ def nearest(
     """
     if not given:
         return ()
+    foreign = [name for name in rule.scale if name not in {v.name for v in given}]
+    if foreign:
+        raise SpecificationError(f"{what} scales {text(foreign)}, which it is not given; it has {text(given)}")
     axes = [
         (v.numbers if v.numeric else np.arange(len(v), dtype=np.float64)) * rule.scale.get(v.name, 1.0)
         for v in given

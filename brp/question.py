@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from brp.logs import logarithms
 from brp.plan import compiled, probabilities
 from brp.propositions import Proposition
 from brp.renewal import Plan, renewed
-from brp.rows import Rows
+from brp.rows import Rows, unanswered
 from brp.simplification import Simplified, simplify
 from brp.subroutine import Renamed, subroutine
 from brp.tables import Sizes
@@ -73,12 +74,15 @@ class Question(Form):
         self.signature = Signature(self.name, self.known, soft)
         factors = tuple(description.relevant(term))
         kept = None if like is None else renewed(like, factors)
-        self.simplified: Simplified = kept or simplify(factors, self.searched, self.known, self.name, soft)
+        if kept is None:
+            made = simplify(factors, self.searched, self.known, self.name, soft)
+            kept = replace(made, beside=description.beside(term))
+        self.simplified: Simplified = kept
         self.plan = Plan(self.simplified, factors)
         if self.simplified.largest * 8 > largest:
             raise TooLarge(
-                f"{self.name} needs an array of {self.simplified.largest * 8 / 1e6:.0f} MB, more than the "
-                f"{largest / 1e6:.0f} MB allowed, and {self.simplified.operations:.2g} multiplications; know or "
+                f"{self.name} needs an array of {_bytes(self.simplified.largest * 8)}, more than the "
+                f"{_bytes(largest)} allowed, and {self.simplified.operations:.2g} multiplications; know or "
                 "search fewer variables together, or raise largest="
             )
         self.start: Node = self.simplified.start
@@ -125,12 +129,15 @@ class Question(Form):
         right = [f"(soft {v})" if v in self.soft else str(v) for v in self.known]
         return f"P({text(self.searched)} | {text([*right, *self.names])})"
 
-    def __call__(self, /, **known: Any) -> Distribution:
+    def __call__(self, /, *nameless: Any, **known: Any) -> Distribution:
         """The distribution over the searched variables, the known ones having these values.
 
         Raises `NotAValue` or `EvidenceError` for evidence that does not fit, `ImpossibleEvidence` when it has
         probability zero. A variable that is known softly is told a distribution, or a weight for each value.
         """
+        if nameless:
+            known_by = ", ".join(f"{v.keyword}=" for v in self.known) or "nothing"
+            raise EvidenceError(f"{self.name} is told what is known by name ({known_by}), and not {nameless}")
         if self._table is None:
             try:
                 p = self._run(known)
@@ -207,7 +214,7 @@ class Question(Form):
         everything before it has no answer, and only for that combination of known values; where none has one,
         `ImpossibleEvidence` is raised, as it is without a rule.
         """
-        dropped = (without,) if isinstance(without, Variable) else tuple(without)
+        dropped = (without,) if isinstance(without, Variable | str) else tuple(without)
         foreign = [v for v in dropped if v not in self.known]
         if foreign:
             raise QuestionError(f"{self.name} does not know {text(foreign)}, and cannot be asked without it")
@@ -217,6 +224,8 @@ class Question(Form):
             )
         if self.soft:
             raise QuestionError(f"{self.name} knows {text(self.soft)} only softly, and has no rows to fill")
+        if rule is not None and not isinstance(rule, Form):
+            raise QuestionError(f"where {self.name} is impossible wants a form, and not {rule!r}")
         if rule is None:
             given = tuple(v for v in self.known if v not in dropped)
             rule = self.description.ask(Term(self.searched, given), largest=self.largest)
@@ -239,8 +248,7 @@ class Question(Form):
             if self._rows is None:
                 self._rows = Rows(self.start, self._hard, self.searched, self.soft, self.simplified.largest)
             answers = self._rows.answer(count, evidence)
-        flat = answers.reshape(count, int(np.prod(self._shape)))
-        wrong = np.flatnonzero(np.logical_or.reduce(np.isnan(flat), axis=1))
+        wrong = np.flatnonzero(unanswered(answers))
         if len(wrong):
             row = int(wrong[0])
             try:
@@ -260,8 +268,7 @@ class Question(Form):
         """What each term says for or against a value, the known ones being these: see `Contribution`."""
         p = self(**known)
         here, evidence = p[value], self.signature.read(known)
-        parts = (value,) if len(self.searched) == 1 else value
-        at = {v: v.place(part) for v, part in zip(self.searched, parts, strict=True)} | dict(evidence.places)
+        at = dict(zip(self.searched, p.place(value), strict=True)) | dict(evidence.places)
         leaves = [n for n in postorder(self.start) if isinstance(n, Leaf)]
         contributions = []
         for density in dict.fromkeys(leaf.density for leaf in leaves):
@@ -316,3 +323,7 @@ class Question(Form):
 
     def __repr__(self) -> str:
         return f"<Question {self.name}>"
+
+
+def _bytes(count: int) -> str:
+    return f"{count / 1e6:.0f} MB" if count >= 1_000_000 else f"{count} bytes"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import prod
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from brp.source import TINY, Run
 from brp.tables import Sizes, logs_of
 from brp.variables import Variable, cells
 
-__all__ = ["Rows"]
+__all__ = ["Rows", "unanswered"]
 
 NUMBERS = 500_000
 """So many numbers of an array are worked on at a time."""
@@ -59,14 +60,19 @@ class Rows:
                 made = self._run([np.asarray(column)[chosen] for columns in told for column in columns])
             part = answers[first : first + self.count]
             part[...] = np.nan if made is None else made[: len(part)]
-        flat = answers.reshape(count, -1)
-        doubtful = np.flatnonzero(np.logical_or.reduce(np.isnan(flat), axis=1))
+        doubtful = np.flatnonzero(unanswered(answers))
         if len(doubtful):
             places = {v: column[doubtful] for v, column in evidence.places.items()}  # type: ignore[index]  # columns here
             weights = {v: column[doubtful] for v, column in evidence.weights.items()}
             again = Evidence(places, weights)
             answers[doubtful] = answered(self.start, self.searched, len(doubtful), again, self.largest)
         return answers
+
+
+def unanswered(answers: Array) -> NDArray[np.bool_]:
+    """Which rows have no answer: they are nan throughout, so that their first number tells."""
+    first: Any = (slice(None), *(0 for _ in answers.shape[1:]))
+    return np.asarray(np.isnan(answers[first]))
 
 
 def _plain(start: Node, known: Axes) -> bool:
@@ -180,7 +186,8 @@ class _ManyRows(Compiler):
         for key, numbers in made.items():
             branch = branches[key]
             name = climb(do, self._emit, branch, order, self._lengths(branch, order), False)
-            chosen = f"np.isin({self.place[here.variable]}, {self.source.constant(np.array(numbers))})"
+            cases = np.isin(np.arange(len(here.variable)), numbers)
+            chosen = f"{self.source.constant(cases)}[{self.place[here.variable]}]"
             mask = tuple(len(v) if k == at else 1 for k, v in enumerate(order))
             self.source.line(f"np.copyto({result}, {name}, where={chosen}.reshape({mask}))")
         return self._reshaped(result, natural, shape)

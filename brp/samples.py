@@ -41,6 +41,9 @@ class Samples:
     def of(cls, data: Data | None, variables: Iterable[Variable], weights: ArrayLike | None = None) -> Samples:
         """Read columns or rows; other columns are left alone. Raises `DataError` or `NotAValue`."""
         columns = _columns(data)
+        for name, column in columns.items():
+            if isinstance(column, str) or not hasattr(column, "__len__"):
+                raise DataError(f"the data have {column!r} for {name}, and not a column of values")
         lengths = {name: len(column) for name, column in columns.items()}
         if len(set(lengths.values())) > 1:
             raise DataError(f"the columns of the data are of different lengths: {lengths}")
@@ -112,7 +115,13 @@ def _columns(data: Data | None) -> Mapping[str, Any]:
         return {}
     if isinstance(data, Mapping):
         return data
+    given: Any = data  # what a user may hand over, whatever the type says
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise DataError(f"data are columns by name, or rows of values by name, and not {data!r}")
     rows = list(data)
+    for number, row in enumerate(rows):
+        if not isinstance(row, Mapping):
+            raise DataError(f"datum {number} is {row!r}, and not a mapping from a variable's name to its value")
     names = dict.fromkeys(name for row in rows for name in row)
     for number, row in enumerate(rows):
         for name in names:

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from brp.description import Description
 from brp.distribution import Distribution
-from brp.errors import EvidenceError, ImpossibleEvidence, QuestionError, TooLarge
+from brp.errors import ImpossibleEvidence, QuestionError, TooLarge
+from brp.evidence import Signature
+from brp.factors import label
 from brp.pointwise import in_order, proposed
 from brp.variables import Term, Variable, cells, text
 
@@ -48,6 +50,8 @@ class Sampling:
     """P(Searched | Known) of a description by samples: ``Sampling(description, P(O | Per)).ask(rng, Per=700)``."""
 
     def __init__(self, description: Description, term: Term) -> None:
+        if not isinstance(term, Term):
+            raise QuestionError(f"{description} is asked {term!r}, and wants a term: P(Searched | Known)")
         missing = [v for v in term.variables if v not in description.variables]
         if missing:
             raise QuestionError(
@@ -56,8 +60,12 @@ class Sampling:
         if cells(term.of) > LARGEST:
             raise TooLarge(f"{text(term.of)} have {cells(term.of)} values together, more than {LARGEST}")
         self.term = term
+        self.description = description
         self._factors = in_order(description.relevant(term))
         self._name = str(term)
+
+    def __repr__(self) -> str:
+        return f"<Sampling {label(self.term.of, self.term.given, self.description.names)}>"
 
     def ask(
         self, rng: np.random.Generator, /, count: int = BATCH, *, error: float | None = None, **known: Any
@@ -67,11 +75,9 @@ class Sampling:
         Raises `ImpossibleEvidence` when no sample agrees with what is known: it is impossible, or too unlikely for
         so few samples. A variable named ``count`` or ``error`` cannot be told.
         """
-        if known.keys() != {v.keyword for v in self.term.given}:
-            raise EvidenceError(f"{self._name} must be told {text(self.term.given) or 'nothing'} and nothing else")
+        told = dict(Signature(self._name, self.term.given, ()).read(known).places)
         if count < 1:
             raise QuestionError(f"{count} samples say nothing")
-        told = {v: v.place(known[v.keyword]) for v in self.term.given}
         size = cells(self.term.of)
         shift = -np.inf  # the largest logarithm so far: all sums are in units of its exponential
         first, second = np.zeros(size), np.zeros(size)

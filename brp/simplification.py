@@ -61,6 +61,8 @@ class Simplified:
     order: tuple[Variable, ...]
     largest: int
     operations: int
+    beside: tuple[str, ...] = ()
+    """The names of the terms that lead to nothing searched or known, and so sum to 1 before all else."""
 
     def __str__(self) -> str:
         return report(self)

@@ -63,9 +63,11 @@ def subroutine(question: Question, new: Mapping[Variable, Variable], term: Term)
         )
     simplified = question.simplified
     # What the question sums out is its own: hidden from every variable of the same name around it.
-    everything = {v for n in postorder(question.start) for v in _bound(n)}
-    hidden = {v: v.hidden() for v in everything if v not in question.term.variables}
     opened = None if simplified.division or question.rules else simplified.kept
+    everything = {v for n in postorder(question.start) for v in _bound(n)}
+    # The factors may speak of more than the expression that they were simplified to.
+    everything.update(v for factor in opened or () for v in factor.scope)
+    hidden = {v: v.hidden() for v in everything if v not in question.term.variables}
     plain = Subroutine(
         question.searched, question.known, question.names, question.start, opened, tuple(simplified.summed)
     )

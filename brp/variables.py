@@ -14,7 +14,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,14 +43,14 @@ class Variable:
     __slots__ = ("_hash", "_places", "keyword", "name", "values")
 
     def __init__(self, name: str, values: Iterable[Value]) -> None:
-        if not NAME.fullmatch(name):
+        if not isinstance(name, str) or not NAME.fullmatch(name):  # type: ignore[redundant-expr]  # a user's slip
             raise TermError(f"{name!r} is no name for a variable: write a letter, then letters, digits, _ or -")
         self.name = name
         self.keyword = name.replace("-", "_")
         if keyword.iskeyword(self.keyword):
             raise TermError(f"{name!r} is a word of Python and cannot name a variable")
-        if isinstance(values, str):
-            raise TermError(f"{name} needs a sequence of values, not the word {values!r}")
+        if isinstance(values, str | set | frozenset) or not isinstance(values, Iterable):
+            raise TermError(f"{name} needs a sequence of values in their order, and was given {values!r}")
         self.values: Sequence[Value] = _sequence(values)
         if not self.values:
             raise TermError(f"{name} needs at least one value")
@@ -124,6 +124,14 @@ class Variable:
     def __ge__(self, bound: float) -> Proposition:
         return self._compared(">=", bound)
 
+    def __and__(self, other: object) -> NoReturn:
+        raise TermError(f"{self} alone is neither true nor false: write ({self} > 0) & ..., each between brackets")
+
+    __rand__ = __and__
+
+    def __invert__(self) -> NoReturn:
+        raise TermError(f"{self} alone is neither true nor false: write ~({self} > 0), or ~{self}.is_(...)")
+
     def _compared(self, sign: str, bound: float) -> Proposition:
         from brp.propositions import compared
 
@@ -169,7 +177,7 @@ class _Hidden(Variable):
         return self is other
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Bar:
     """What ``Vrot | Dir`` is before `P` has read the rest of the term."""
 
@@ -179,8 +187,11 @@ class Bar:
     def __or__(self, other: object) -> Bar:
         raise TermError(f"a term has one bar: write P({text(self.of)} | {text(self.given)}, ...)")
 
+    def __repr__(self) -> str:
+        return f"{text(self.of)} | {text(self.given)}"
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Term:
     """``P(of | given)``: a term of a decomposition, or what a question asks for. A value, in the order written."""
 
@@ -203,6 +214,8 @@ class Term:
 
     def __str__(self) -> str:
         return f"P({text(self.of)} | {text(self.given)})" if self.given else f"P({text(self.of)})"
+
+    __repr__ = __str__
 
 
 def P(*parts: Variable | Bar | Iterable[Variable]) -> Term:

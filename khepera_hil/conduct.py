@@ -51,7 +51,7 @@ class Conduct:
             }
             for key, (name, variables, values) in self._shapes.items()
         ]
-        return {"questions": questions, "evidence": known}
+        return {"questions": questions, "evidence": known, "needs": list(map(str, self._controller.needs))}
 
     def turn(self, tick: Tick) -> RobotError | None:
         """One tick, written into ``tick``; what was wrong with the robot, if anything was.
@@ -79,9 +79,11 @@ class Conduct:
     def _act(self, tick: Tick, decision: Decision) -> RobotError | None:
         tick.evidence, tick.clipped = dict(decision.evidence), dict(decision.clipped)
         tick.u, tick.draws = dict(decision.u), dict(decision.draws)
+        tick.events.extend(decision.events)
         tick.answers = {key: self._answer(key, given) for key, given in decision.answers.items()}
         try:
             tick.command = self._wheels.move(decision.left, decision.right)
+            self._command(tick, decision)
         except RobotReset:
             raise
         except RobotError as error:
@@ -89,6 +91,18 @@ class Conduct:
             tick.events.append(("warning", f"speeds not acknowledged: {error}"))
             return error
         return None
+
+    def _command(self, tick: Tick, decision: Decision) -> None:
+        """What the body does beside its wheels, which come first; the robot is none the worse for not hearing
+        it."""
+        for letter, *values in decision.commands:
+            try:
+                self._wheels.beside(str(letter), *values)
+            except RobotReset:
+                raise
+            except RobotError as error:
+                said = ",".join(map(str, (letter, *values)))
+                tick.events.append(("warning", f"{said} not acknowledged: {error}"))
 
     def _without_data(self, tick: Tick, error: Exception) -> None:
         tick.events.append(("warning", f"no data: {error}"))

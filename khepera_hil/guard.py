@@ -14,7 +14,8 @@ carries descriptors too. From the service come
 * ``MOVING`` and ``RESTING``: a beat, with which of the two the wheels are;
 * ``GOODBYE``: the service ends well, and there is nothing to do.
 
-The guard says ``READY`` once. It acts when the wheels may be moving and the pipe ends without a goodbye, or brings
+The guard says ``READY`` once and ``HEARD`` to each message, so that a guard that is held up itself is missed. It
+acts when the wheels may be moving and the pipe ends without a goodbye, or brings
 nothing for ``limit`` seconds: it says ``TRIPPED`` and why, and shuts its end of the pipe, so that a service that
 wakes finds it gone from here on; throws away what has not left the host's buffer; sends a line end, which ends
 half a command, and ``D,0,0``, and once more after 20 ms; writes a line to ``guard.jsonl`` in the run's folder; and
@@ -37,6 +38,7 @@ import time
 __all__ = [
     "FOLDER",
     "GOODBYE",
+    "HEARD",
     "LET_GO",
     "LOG",
     "MOVING",
@@ -48,7 +50,7 @@ __all__ = [
 ]
 
 PORT, LET_GO, FOLDER, MOVING, RESTING, GOODBYE = b"P", b"L", b"F", b"m", b"r", b"Q"
-READY, TRIPPED = b"G", b"T"
+READY, HEARD, TRIPPED = b"G", b"H", b"T"
 
 LOG = "guard.jsonl"
 
@@ -92,6 +94,8 @@ class Guard:
                         self._act("the service is gone")
                     return
                 self._heed(message, fds)
+                with contextlib.suppress(OSError):  # one that has not listened for long is not waited for
+                    self._pipe.send(HEARD, socket.MSG_DONTWAIT)
             else:
                 silent += min(time.monotonic() - began, 2 * SLICE)
                 if silent >= self._limit:
@@ -106,7 +110,11 @@ class Guard:
         """One message and its descriptors; an empty one when the pipe has ended."""
         fds = array.array("i")
         try:
-            message, ancillary, _, _ = self._pipe.recvmsg(16, socket.CMSG_SPACE(fds.itemsize))
+            try:
+                message, ancillary, _, _ = self._pipe.recvmsg(16, socket.CMSG_SPACE(fds.itemsize))
+            except ConnectionResetError:
+                # The service went with answers of ours unread. That is told once, and first; a goodbye comes after.
+                message, ancillary, _, _ = self._pipe.recvmsg(16, socket.CMSG_SPACE(fds.itemsize))
         except OSError:
             return b"", []
         for level, kind, data in ancillary:
@@ -193,7 +201,16 @@ def _written(port: int) -> str | None:
 def main(fd: int, limit: float) -> None:
     """Be the guard at this descriptor of the pipe."""
     # A Ctrl-C, a closed terminal, a manager that ends us with the service: none of them may come first.
-    for which in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP, signal.SIGPIPE):
+    # SIGABRT is what a manager's watchdog ends a whole group by.
+    for which in (
+        signal.SIGINT,
+        signal.SIGQUIT,
+        signal.SIGTSTP,
+        signal.SIGTERM,
+        signal.SIGHUP,
+        signal.SIGABRT,
+        signal.SIGPIPE,
+    ):
         signal.signal(which, signal.SIG_IGN)
     # Above a service with --realtime, or one in an endless loop on a single core would keep us from running.
     # We wake for some microseconds at each beat. Where it is not allowed, the ordinary class must do.

@@ -1,8 +1,8 @@
 """The service's end of its guard (see :mod:`khepera_hil.guard`): start it, beat, hand descriptors over, part.
 
 A guard that is gone, for whatever reason, ends the run: :class:`~khepera_hil.errors.GuardLost`. It may have
-tripped because we hung, and then somebody decided that the wheels shall stand still; or it was killed, and then
-nobody would stop them if we were killed too.
+tripped because we hung, and then somebody decided that the wheels shall stand still; or it was killed or is held up
+itself, and then nobody would stop them if we were killed too.
 """
 
 from __future__ import annotations
@@ -29,6 +29,11 @@ SPARING = 0.04
 """Seconds between two beats at the least; exchanges with the robot may come faster."""
 
 
+ANSWERS = 2.0
+"""Limits without an answer, while we run, after which the guard counts as gone: it must not be lost to a busy
+machine, and to be without it for a moment is no danger yet."""
+
+
 def limit(period: float) -> float:
     """Seconds without a beat after which the guard acts, for a tick every ``period`` seconds."""
     return max(0.4, period + 0.3)
@@ -47,7 +52,7 @@ class Guarding(Protocol):
         """The wheels will be told to move now: call it right before."""
 
     def check(self) -> None:
-        """See whether it is still there; it is not disturbed by that."""
+        """See whether it is still there and well; it is not disturbed by that."""
 
     def resting(self) -> None:
         """The robot has confirmed that it stands still."""
@@ -110,6 +115,9 @@ class Process:
         self._pipe = ours
         self._moving = self._lost = False
         self._beaten = 0.0
+        self._patience = ANSWERS * limit
+        self._unanswered = 0
+        self._silent, self._listened = 0.0, time.monotonic()
 
     @property
     def pid(self) -> int:
@@ -127,6 +135,7 @@ class Process:
     def beat(self) -> None:
         """Say that we are well, if it is time to say so again."""
         if time.monotonic() - self._beaten >= SPARING:
+            self.check()
             self._send(guard.MOVING if self._moving else guard.RESTING)
 
     def moving(self) -> None:
@@ -142,17 +151,43 @@ class Process:
             self._send(guard.MOVING)
 
     def check(self) -> None:
-        """Its end of the pipe says nothing as long as it is there."""
+        """Hear its answers, without waiting for one."""
         if self._lost:
             return
         try:
-            self._pipe.recv(1, socket.MSG_PEEK)
+            while (said := self._said()) == guard.HEARD:
+                self._unanswered -= 1
+                self._silent = 0.0
         except BlockingIOError:
+            self._wonder()
             return
-        except OSError:
-            pass
         self._lost = True
-        raise GuardLost(self._last_words())
+        raise GuardLost(_last_words(said))
+
+    def _said(self) -> bytes:
+        """The next that it said; nothing more when it is gone. Raises BlockingIOError."""
+        try:
+            return self._pipe.recv(500)
+        except ConnectionResetError:
+            pass  # it went with beats of ours unread; what it said before comes after that
+        except BlockingIOError:
+            raise
+        except OSError:
+            return b""
+        try:
+            return self._pipe.recv(500)
+        except OSError:
+            return b""
+
+    def _wonder(self) -> None:
+        """Whether it has been silent for too long. What we have slept through ourselves is not held against it."""
+        now = time.monotonic()
+        if self._unanswered:
+            self._silent += min(now - self._listened, self._patience / 8)
+        self._listened = now
+        if self._silent >= self._patience:
+            self._lost = True
+            raise GuardLost("the guard does not answer, is it held up? Without it the wheels may not move")
 
     def resting(self) -> None:
         """The guard is armed no more."""
@@ -186,24 +221,23 @@ class Process:
         rights = (socket.SOL_SOCKET, socket.SCM_RIGHTS, array.array("i", descriptors))
         try:
             self._pipe.sendmsg([message], [rights] if descriptors else [])
-            self._beaten = time.monotonic()
         except BlockingIOError:
             self._lost = True
             raise GuardLost("the guard takes no beats any more; the wheels are stopped") from None
         except OSError:
+            self.check()  # it may have said why
             self._lost = True
-            raise GuardLost(self._last_words()) from None
+            raise GuardLost(_last_words(b"")) from None
+        self._beaten = time.monotonic()
+        self._unanswered += 1
 
-    def _last_words(self) -> str:
-        """Why the guard is gone; nothing when it was killed."""
-        try:
-            said = self._pipe.recv(500)
-        except OSError:
-            said = b""
-        if said.startswith(guard.TRIPPED):
-            why = said[1:].decode("utf-8", "replace")
-            return f"the guard has stopped the wheels because {why}; start anew when you know why"
-        return "the guard is gone, was it killed? Without it the wheels may not move; they are stopped"
+
+def _last_words(said: bytes) -> str:
+    """Why the guard is gone; nothing when it was killed."""
+    if said.startswith(guard.TRIPPED):
+        why = said[1:].decode("utf-8", "replace")
+        return f"the guard has stopped the wheels because {why}; start anew when you know why"
+    return "the guard is gone, was it killed? Without it the wheels may not move; they are stopped"
 
 
 def _started(pipe: socket.socket, limit: float) -> subprocess.Popen[bytes]:

@@ -20,7 +20,7 @@ HANDSHAKE = 1.0
 BOOT_TEXT = 3.0
 """Seconds for a robot that says something else first: a Khepera II's boot text takes 1.5 at 9600 baud."""
 
-STOPPING = 0.5
+STOPPING = 0.8
 """Seconds after which a stop that nobody confirms is not repeated."""
 
 _TRIES = 50  # for a clock that does not move while the line talks
@@ -100,7 +100,7 @@ class Khepera:
         """Set both speeds to zero, and try hard; whether the robot said that it did. Command D.
 
         Where no answer comes, a line end and the command are sent blindly, and all is tried again for about
-        half a second. Raises LinkLost only.
+        0.8 s. Raises LinkLost only.
         """
         give_up = self.link.clock.now() + STOPPING
         reset = False
@@ -144,6 +144,10 @@ class Khepera:
     def led(self, led: int, action: int) -> None:
         """Switch LED 0 (lateral) or 1 (front): action 0 off, 1 on, 2 the other way. Command L."""
         self.link.ask("L", led, action)
+
+    def command(self, letter: str, *values: int | str) -> tuple[int | str, ...]:
+        """Any other command of the manual, by its letter; the values of the answer."""
+        return self.link.ask(letter, *values)
 
     def version(self) -> tuple[str, str]:
         """The versions of BIOS and protocol, such as ("5.01", "5.00"). Command B."""

@@ -320,7 +320,10 @@ class Link:
         try:
             port = self._open_port()
             port.timeout = seconds
-            chunk = port.read(max(1, port.in_waiting))
+            waiting = port.in_waiting
+            chunk = port.read(waiting or 1)
+            if chunk and not waiting and (waiting := port.in_waiting):  # with the first of a lump came the others
+                chunk += port.read(waiting)
         except PORT_ERRORS as error:
             raise self._gone(error) from error
         self._heard += chunk
@@ -331,7 +334,8 @@ class Link:
     def _look_for_boot_text(self, chunk: bytes) -> None:
         seen = self._seam + chunk
         self._seam = seen[1 - _LONGEST_MARK :]
-        marks = sum(seen.count(mark) for mark in BOOT_MARKS)
+        title, mode = BOOT_MARKS
+        marks = seen.count(title) + seen.count(mode)
         if marks:
             self._seam = b""
             self.counters.boot_texts += 1

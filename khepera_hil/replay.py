@@ -90,6 +90,11 @@ def evidence_of(question: Question, evidence: Mapping[str, Value]) -> dict[str, 
         return None
 
 
+def _told(tick: Tick) -> Mapping[str, Value]:
+    """What a question may know in a tick: the evidence, and what was drawn before it was asked."""
+    return {**tick.draws, **tick.evidence}
+
+
 def answered(run: Run, questions: Mapping[str, Question]) -> Iterator[Tick]:
     """The run's ticks with the answers that ``questions`` give to the recorded evidence; a question is asked in
     the ticks in which the log has an answer to it. Where there is none any more the tick has none.
@@ -169,7 +174,7 @@ def _compare(asked: Asked, tick: Tick, row: Mapping[str, Any], answer: Answer | 
 
 def _by_itself(question: Question, tick: Tick, otherwise: Answer) -> Answer:
     """The call's answer in place of the batch's."""
-    known = evidence_of(question, tick.evidence)
+    known = evidence_of(question, _told(tick))
     assert known is not None  # the batch asked it
     try:
         return replace(otherwise, p=question(**known).p)
@@ -201,8 +206,8 @@ def _column(
             asked.append(None)
         elif question.soft:
             asked.append("it knows something softly, which the log does not have")
-        elif (known := evidence_of(question, tick.evidence)) is None:
-            missing = [v.name for v in question.known if v.name not in tick.evidence]
+        elif (known := evidence_of(question, _told(tick))) is None:
+            missing = [v.name for v in question.known if v.name not in _told(tick)]
             asked.append(f"the log has no {' '.join(missing)} to ask it with")
         else:
             asked.append(tuple(known.values()))

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 
 from khepera_hil.clock import Clock
 
-__all__ = ["Beat", "beats"]
+__all__ = ["PAUSE", "Beat", "beats"]
+
+PAUSE = 0.05
+"""Seconds of waiting after which the loop shows that it is awake, and sees whether it shall stop."""
 
 
 @dataclass(frozen=True)
@@ -24,11 +27,19 @@ class Beat:
     """Whole periods that were skipped just before."""
 
 
-def beats(clock: Clock, period: float, *, duration: float | None, stopped: Callable[[], bool]) -> Iterator[Beat]:
+def beats(
+    clock: Clock,
+    period: float,
+    *,
+    duration: float | None,
+    stopped: Callable[[], bool],
+    waiting: Callable[[], None] = lambda: None,
+) -> Iterator[Beat]:
     """A beat every ``period`` seconds, the first at once, until ``duration`` seconds are over or ``stopped()``.
 
     The n-th deadline is start + n * period, never the last one plus a period, so that nothing drifts. Whoever
     comes back more than a period late has missed deadlines; they are skipped and counted in the next beat.
+    ``waiting`` is called every PAUSE of the time between; a simulated clock does not wait.
     """
     start = clock.now()
     number = tick = 0  # the deadline's number, and how many of them were kept
@@ -37,7 +48,7 @@ def beats(clock: Clock, period: float, *, duration: float | None, stopped: Calla
         # Half a period of slack, since a duration such as 0.3 is seldom an exact multiple of 0.1.
         if duration is not None and due > duration - period / 2:
             return
-        clock.sleep_until(start + due)
+        _wait(clock, start + due, stopped, waiting)
         late = max(0.0, clock.now() - (start + due))
         missed = int(late / period)
         if missed:
@@ -49,3 +60,12 @@ def beats(clock: Clock, period: float, *, duration: float | None, stopped: Calla
             return
         yield Beat(tick, due, late, missed)
         number, tick = number + 1, tick + 1
+
+
+def _wait(clock: Clock, moment: float, stopped: Callable[[], bool], waiting: Callable[[], None]) -> None:
+    while not clock.simulated and moment - clock.now() > PAUSE:
+        clock.sleep_until(clock.now() + PAUSE)
+        if stopped():
+            return
+        waiting()
+    clock.sleep_until(moment)

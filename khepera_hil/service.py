@@ -88,6 +88,7 @@ class Service:
         self._raw: dict[str, str] = {}
         self._answered_at = 0.0  # the robot's time of the last tick that went as it should
         self._trouble: KheperaHilError | None = None  # the last one since then
+        self._guard_lost: GuardLost | None = None  # between two ticks; the next one tells it
         needed = plan(controller.name, controller.needs, baud=khepera.link.baud, period=period, verify=verify)
         self._conduct = Conduct(controller, Reader(khepera, needed, verify), self._wheels, rng)
         khepera.link.on_exchange = self._heard
@@ -96,6 +97,11 @@ class Service:
     def state(self) -> str:
         """Of the lifecycle."""
         return str(self.lifecycle.current_state_value)
+
+    @property
+    def commanded(self) -> bool:
+        """Whether its program takes orders of its own."""
+        return isinstance(self._controller, Commanded)
 
     @property
     def rested(self) -> bool:
@@ -144,7 +150,11 @@ class Service:
             self._guard.record_in(recording.folder)
             self._become("start")
             for beat in beats(
-                self._clock, self._period, duration=duration, stopped=lambda: self._reason is not None
+                self._clock,
+                self._period,
+                duration=duration,
+                stopped=lambda: self._reason is not None,
+                waiting=self._show_life,
             ):
                 self._turn(beat, recording)
             self.ended = self._reason or "duration"
@@ -169,6 +179,8 @@ class Service:
         failure: KheperaHilError | None = None
         good = False
         try:
+            if self._guard_lost is not None:
+                raise self._guard_lost
             self._guard.beat()
             self._obey(tick)
             good = self._advance(tick)
@@ -178,6 +190,7 @@ class Service:
             with contextlib.suppress(LinkLost, GuardLost):
                 self._wheels.halt()  # before the log, which may take its time
         self._settle(tick, good)
+        self._sight.tell(tick)
         tick.work_ms = 1e3 * (self._stopwatch() - began)
         recording.write(tick)
         self.ticks += 1
@@ -360,12 +373,25 @@ class Service:
         self._answered_at, self._trouble = tick.t, None
         return True
 
+    def _show_life(self) -> None:
+        """While the loop waits for its next tick."""
+        try:
+            if self._guard_lost is None:
+                self._guard.beat()
+        except GuardLost as error:
+            self._guard_lost = error
+            with contextlib.suppress(LinkLost, GuardLost):
+                self._wheels.halt()
+
     def _rest(self) -> None:
         # What is said from here on belongs to no tick, and nothing that becomes of the guard may disturb it.
         self._khepera.link.on_exchange = self._beat
         self._become("stop")
         try:
             self._wheels.stop()
+            for letter, *values in getattr(self._controller, "at_rest", ()):
+                with contextlib.suppress(RobotError):  # the wheels stand still; that is what counts
+                    self._wheels.beside(str(letter), *values)
         except LinkLost:
             if self.ended != "error":
                 raise  # else the error that ended the loop says more

@@ -12,6 +12,10 @@ from khepera_hil.recording import Tick
 __all__ = ["Terminal"]
 
 
+_MANY = 12
+"""Known variables beyond which only those of words are shown."""
+
+
 class Terminal:
     """A follower's sink: it is offered every tick and shows some of them, in a thread of its own.
 
@@ -19,8 +23,15 @@ class Terminal:
     ten seconds of the robot's time. Events are lines of their own in both.
     """
 
-    def __init__(self, out: TextIO, program: str, *, now: Callable[[], float] = time.monotonic) -> None:
-        self._out, self._program, self._now = out, program, now
+    def __init__(
+        self,
+        out: TextIO,
+        program: str,
+        *,
+        note: Callable[[], str] = lambda: "",
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._out, self._program, self._note, self._now = out, program, note, now
         self._live = out.isatty()
         self._shown_at = -1.0
         self._last = ""
@@ -32,7 +43,8 @@ class Terminal:
         self._missed += tick.missed
         for level, text in tick.events:
             if text not in self._said:  # it was said a tick ago: the log has it as often as it happened
-                self._line(f"{tick.t:8.1f} s  {level}: {text}")
+                bell = "\a" if level == "alarm" and self._live else ""
+                self._line(f"{tick.t:8.1f} s  {level}: {text}{bell}")
         self._said = {text for _, text in tick.events}
         if self._live:
             if self._now() - self._shown_at >= 0.1:
@@ -54,7 +66,10 @@ class Terminal:
     def _status(self, tick: Tick) -> str:
         if tick.state not in ("", "running", "degraded"):
             return f"{tick.t:8.1f} s  {self._program}: {tick.state} | missed {self._missed}"
-        known = " ".join(f"{name} {value}" for name, value in tick.evidence.items()) or "no readings"
+        evidence = tick.evidence
+        if len(evidence) > _MANY:  # numbers are told by what is drawn from them; the log has all
+            evidence = {name: value for name, value in evidence.items() if isinstance(value, (str, bool))}
+        known = " ".join(f"{name} {value}" for name, value in evidence.items()) or "no readings"
         drawn = (
             " ".join(
                 f"{name} {value:+d}" if isinstance(value, int) else f"{name} {value}"
@@ -63,8 +78,9 @@ class Terminal:
             or "nothing drawn"
         )
         sent = "none" if tick.command is None else "{} {}".format(*tick.command)
+        note = self._note()
         return (
-            f"{tick.t:8.1f} s  {self._program}: {known} -> {drawn}, wheels {sent}"
+            f"{tick.t:8.1f} s  {self._program}: {known} -> {drawn}, wheels {sent}{' | ' if note else ''}{note}"
             f" | late {tick.late_ms:.1f} ms, missed {self._missed}"
         )
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable
+from itertools import accumulate, repeat
 
 from khepera_hil.protocol import BITS_PER_CHARACTER
 
@@ -58,10 +59,10 @@ class Line:
         start = max(now, self.free)
         character = BITS_PER_CHARACTER / self.sender
         if self.sender == self.receiver and not self._frames and self._deaf_until <= start:
-            ready = self._ready
-            for byte in data:
-                start += character
-                ready.append((start, byte))
+            arrivals = accumulate(repeat(character, len(data)), initial=start)
+            next(arrivals)
+            self._ready.extend(zip(arrivals, data, strict=True))
+            start = self._ready[-1][0] if data else start
         else:
             for byte in data:
                 self._frames.append((start, byte, 1 / self.sender))
@@ -90,8 +91,12 @@ class Line:
         """
         if self._frames:
             self._sample(now)
-        taken = []
         ready = self._ready
+        if not until and ready and ready[-1][0] <= now:
+            taken = list(ready)
+            ready.clear()
+            return taken
+        taken = []
         while ready and ready[0][0] <= now:
             entry = ready.popleft()
             taken.append(entry)

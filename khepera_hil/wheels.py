@@ -97,6 +97,10 @@ class Wheels:
                 self._at_rest()
         return self._health.rested
 
+    def beside(self, letter: str, *values: int | str) -> None:
+        """A command that is not about the wheels, on the same line."""
+        self._khepera.command(letter, *values)
+
     def _told(self, left: int, right: int) -> None:
         """A unit of speed is a pulse in 10 ms."""
         now = self._khepera.link.clock.now()

@@ -20,6 +20,9 @@ class Witness(Protocol):
     def poses(self) -> Mapping[str, Pose]:
         """The true poses of everything that moves or can be moved, the robot (``robot``) among it."""
 
+    def heard_alarm(self) -> None:
+        """The program sounded its alarm."""
+
     def orders(self) -> Sequence[tuple[str, bool]]:
         """The operator's orders since the last time, and whether each is switched on."""
 
@@ -30,6 +33,7 @@ class Sight:
     def __init__(self, witness: Witness | None) -> None:
         self._witness = witness
         self._told: dict[str, Pose] = {}
+        self._seen: dict[str, Pose] = {}  # the same, not rounded
 
     def note(self, tick: Tick) -> None:
         """Fill ``tick.pose`` and ``tick.moved``."""
@@ -37,9 +41,17 @@ class Sight:
             return
         tick.pose = _rounded(self._witness.pose())
         for name, pose in self._witness.poses().items():
+            if name == "robot" or self._seen.get(name) == pose:
+                continue
+            self._seen[name] = pose
             seen = _rounded(pose)
-            if name != "robot" and self._told.get(name) != seen:
+            if self._told.get(name) != seen:
                 self._told[name] = tick.moved[name] = seen
+
+    def tell(self, tick: Tick) -> None:
+        """What can be heard outside of what happened in the tick."""
+        if self._witness is not None and any(level == "alarm" for level, _ in tick.events):
+            self._witness.heard_alarm()
 
 
 class Staged:

@@ -21,7 +21,7 @@ import pytest
 
 from khepera_hil import guard
 from khepera_hil.errors import GuardLost, PortError
-from khepera_hil.guarding import Process, Unguarded, limit
+from khepera_hil.guarding import SPARING, Process, Unguarded, limit
 from khepera_hil.opening import close_port, descriptor, open_port
 from tests.runs.cli import environment
 
@@ -58,6 +58,14 @@ def line() -> Iterator[Line]:
 
 @pytest.fixture
 def process() -> Iterator[Process]:
+    """One that no busy machine makes trip, for what is not about being silent for too long."""
+    process = Process(LONG)
+    yield process
+    process.close()
+
+
+@pytest.fixture
+def impatient() -> Iterator[Process]:
     process = Process(LIMIT)
     yield process
     process.close()
@@ -66,6 +74,17 @@ def process() -> Iterator[Process]:
 def die(process: Process) -> None:
     """What the kernel does with the pipe of a process that is killed."""
     process._pipe.close()
+
+
+def answered(process: Process) -> None:
+    """It has said something that nobody has read."""
+    assert select.select([process._pipe], [], [], LONG)[0]
+
+
+def held_up(process: Process) -> None:
+    """It is stopped, and has been."""
+    os.kill(process.pid, signal.SIGSTOP)
+    os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WNOWAIT)
 
 
 def test_it_stops_the_wheels_of_a_service_that_died(process: Process, line: Line, tmp_path: Path) -> None:
@@ -81,35 +100,35 @@ def test_it_stops_the_wheels_of_a_service_that_died(process: Process, line: Line
     assert said["error"] is None
 
 
-def test_it_stops_the_wheels_of_a_service_that_hangs(process: Process, line: Line, tmp_path: Path) -> None:
-    process.record_in(tmp_path)
-    process.watch(line.slave)
+def test_it_stops_the_wheels_of_a_service_that_hangs(impatient: Process, line: Line, tmp_path: Path) -> None:
+    impatient.record_in(tmp_path)
+    impatient.watch(line.slave)
     began = time.monotonic()
-    process.moving()
+    impatient.moving()
     assert line.heard(len(BOTH)) == BOTH
     assert time.monotonic() - began >= LIMIT  # never before
     with pytest.raises(GuardLost, match="gave no sign"):
-        process.check()
-    process.check()  # it was said
+        impatient.check()
+    impatient.check()  # it was said
     with pytest.raises(GuardLost):  # and it stays so
-        process.moving()
-    process.beat()
-    process.resting()
+        impatient.moving()
+    impatient.beat()
+    impatient.resting()
     assert "gave no sign for" in (tmp_path / guard.LOG).read_text()
 
 
-def test_from_its_first_byte_on_a_service_that_wakes_finds_it_gone(process: Process, line: Line) -> None:
+def test_from_its_first_byte_on_a_service_that_wakes_finds_it_gone(impatient: Process, line: Line) -> None:
     """Not only once it has exited: in between the service could set the robot in motion again."""
-    process.watch(line.slave)
-    process.moving()
+    impatient.watch(line.slave)
+    impatient.moving()
     assert line.heard(1)
     with pytest.raises(GuardLost):
-        process.moving()
+        impatient.moving()
 
 
 @pytest.mark.parametrize("armed", [True, False])
 def test_as_long_as_the_service_is_well_it_says_nothing(line: Line, armed: bool) -> None:
-    process = Process(1.5)  # a busy machine may hold a test up for longer than a tick
+    process = Process(2.0)  # a busy machine may hold a test up for longer than a tick
     process.watch(line.slave)
     if armed:
         process.moving()
@@ -123,10 +142,26 @@ def test_as_long_as_the_service_is_well_it_says_nothing(line: Line, armed: bool)
     assert line.heard(1, 0.0) == b""
 
 
-def test_wheels_at_rest_need_no_beat_and_a_death_no_order(process: Process, line: Line) -> None:
+def test_a_goodbye_counts_also_when_its_answers_were_never_read(process: Process, line: Line) -> None:
+    process.watch(line.slave)
+    answered(process)
+    process.close()
+    assert process._process.returncode == 0
+    assert line.heard(1, 0.0) == b""
+
+
+def test_a_death_counts_also_when_its_answers_were_never_read(process: Process, line: Line) -> None:
+    process.watch(line.slave)
+    answered(process)
+    die(process)
+    assert line.heard(len(BOTH)) == BOTH
+
+
+def test_wheels_at_rest_need_no_beat_and_a_death_no_order(line: Line) -> None:
+    process = Process(1.5)
     process.watch(line.slave)
     process.resting()
-    time.sleep(2 * LIMIT)
+    time.sleep(2.0)
     process.beat()
     die(process)
     process._process.wait(LONG)
@@ -202,11 +237,11 @@ def test_a_port_that_is_gone_is_told_and_nothing_worse(process: Process, tmp_pat
     assert said["error"]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP])
-def test_no_signal_of_a_terminal_or_a_manager_takes_it_down(process: Process, line: Line, number: int) -> None:
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP", "SIGABRT"])
+def test_no_signal_of_a_terminal_or_a_manager_takes_it_down(process: Process, line: Line, number: str) -> None:
     process.watch(line.slave)
     process.moving()
-    os.kill(process.pid, number)
+    os.kill(process.pid, signal.Signals[number])
     process.beat()
     die(process)
     assert line.heard(len(BOTH)) == BOTH
@@ -235,6 +270,43 @@ def test_a_guard_that_takes_no_beats_is_as_good_as_gone(process: Process, line: 
         except GuardLost as error:
             said = str(error)
     assert "takes no beats" in said
+
+
+def test_a_guard_that_is_held_up_is_missed_long_before_the_pipe_is_full(line: Line) -> None:
+    process = Process(1.0)
+    process.watch(line.slave)
+    held_up(process)
+    sent = process._unanswered
+    said, end = "", time.monotonic() + LONG
+    while not said:
+        assert time.monotonic() < end
+        try:
+            process.beat()
+            process.moving()
+        except GuardLost as error:
+            said = str(error)
+        time.sleep(0.01)
+    assert "does not answer" in said
+    assert process._unanswered - sent <= process._patience / SPARING + 1
+    with pytest.raises(GuardLost):
+        process.moving()
+    process.close()
+
+
+def test_what_the_service_sleeps_through_itself_is_not_held_against_the_guard(process: Process, line: Line) -> None:
+    process.watch(line.slave)
+    held_up(process)
+    process._send(guard.MOVING)
+    process._listened -= 1000 * LONG  # the whole machine stood still, the two of us with it
+    process.check()
+    assert 0 < process._silent <= process._patience / 8
+    os.kill(process.pid, signal.SIGCONT)
+    end = time.monotonic() + LONG
+    while process._unanswered:
+        assert time.monotonic() < end
+        process.check()
+        time.sleep(0.001)
+    assert process._silent == 0.0
 
 
 def test_a_guard_that_does_not_start_is_told_as_such(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -280,7 +352,7 @@ import os, sys, time
 from pathlib import Path
 from khepera_hil.errors import GuardLost
 from khepera_hil.guarding import Process
-process = Process(0.4)
+process = Process(2.0)
 fd = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
 process.record_in(Path(sys.argv[2]))
 process.watch(fd)

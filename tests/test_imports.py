@@ -69,8 +69,15 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.plausible",
     },
     "khepera_hil.perception": {"khepera_hil.perception", "numpy"},
-    "khepera_hil.controllers": {"khepera_hil.controllers", "khepera_hil.perception", "brp", "numpy"},
+    "khepera_hil.controllers": {
+        "khepera_hil.controllers",
+        "khepera_hil.perception",
+        "khepera_hil.errors",
+        "brp",
+        "numpy",
+    },
     "khepera_hil.scheduler": {"khepera_hil.clock"},
+    "khepera_hil.keys": {"khepera_hil.orders"},
     "khepera_hil.guard": set(),  # it is run as a script, by itself
     "khepera_hil.guarding": {"khepera_hil.guard", "khepera_hil.errors"},
     "khepera_hil.wheels": {
@@ -217,6 +224,19 @@ TABLE: dict[str, set[str]] = {
         "pyarrow",
     },
     "khepera_hil.terminal": {"khepera_hil.recording"},
+    "khepera_hil.teaching": {
+        "khepera_hil.teaching",
+        "khepera_hil.controllers",
+        "khepera_hil.errors",
+        "khepera_hil.perception",
+        "khepera_hil.reading",
+        "khepera_hil.recording",
+        "brp",
+        "numpy",
+        "scipy",  # late
+        "evdev",  # late: an extra
+    },
+    "khepera_hil.experiments": {"khepera_hil", "brp", "numpy", "scipy", "serial", "rerun"},
     "khepera_hil.commands": {"khepera_hil", "brp", "numpy", "serial"},
     "khepera_hil.__main__": {"khepera_hil"},
 }
@@ -260,9 +280,10 @@ BRP = [
     "sampling",
     "mrbt",
     "programs",
+    "data",
 ]
 TABLE |= {f"brp.{name}": {"numpy", *(f"brp.{before}" for before in BRP[:place])} for place, name in enumerate(BRP)}
-TABLE["brp"] = {f"brp.{name}" for name in BRP if name != "programs"}  # the public face
+TABLE["brp"] = {f"brp.{name}" for name in BRP if name not in {"programs", "data"}}  # the public face
 TABLE["brp.variables"] |= {"brp.propositions"}  # late: Dir.is_(3) and Prox > 8 make propositions
 TABLE["brp.question"] |= {"brp.description"}  # for the type checker alone: a description makes its questions
 TABLE["brp.subroutine"] |= {"brp.question"}  # and so is this: a question makes itself a subroutine

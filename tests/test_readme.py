@@ -25,7 +25,8 @@ def test_every_option_of_the_main_job_is_described_and_no_other() -> None:
         [sys.executable, "-m", "khepera_hil", "--help"], capture_output=True, text=True, check=True, cwd=ROOT
     ).stdout
     options = set(re.findall(r"^  (--[a-z]+)", help_page, re.MULTILINE))
-    table = set(re.findall(r"^\| `(--[a-z]+)", README, re.MULTILINE))
+    section = README[README.index("## The command line") :].split("\n## ")[0]
+    table = set(re.findall(r"^\| `(--[a-z]+)", section, re.MULTILINE))
     assert options
     assert table == options
 

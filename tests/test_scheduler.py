@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from khepera_hil.clock import SimulatedClock
-from khepera_hil.scheduler import Beat, beats
+from khepera_hil.scheduler import PAUSE, Beat, beats
 
 
 def run(busy: list[float], period: float, duration: float | None = None) -> list[Beat]:
@@ -58,3 +58,27 @@ def test_a_loop_that_is_told_to_stop_stops_before_its_next_tick() -> None:
 
     clock.on_advance = halfway
     assert len(list(beats(clock, 0.1, duration=None, stopped=lambda: stopped))) == 3
+
+
+class Waiting(SimulatedClock):
+    """A clock that one has to wait for."""
+
+    simulated = False
+
+
+def test_while_it_waits_it_shows_that_it_is_awake() -> None:
+    clock = Waiting()
+    shown: list[float] = []
+    for _ in beats(
+        clock, 0.48, duration=0.96, stopped=lambda: False, waiting=lambda: shown.append(round(clock.now(), 9))
+    ):
+        pass
+    assert shown == [round(PAUSE * n, 9) for n in range(1, 10)], "and the tick does so itself"
+    assert clock.now() == 0.48
+
+
+def test_a_stop_is_heard_while_it_waits() -> None:
+    clock = Waiting()
+    done = list(beats(clock, 10.0, duration=None, stopped=lambda: clock.now() > 0.2))
+    assert [beat.tick for beat in done] == [0]
+    assert clock.now() < 0.3

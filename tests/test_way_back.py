@@ -18,6 +18,7 @@ from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link
 from khepera_hil.orders import Order
 from khepera_hil.perception import Readings
+from khepera_hil.scheduler import PAUSE
 from tests.test_service import PATIENCE, Bench, Robot, at_the_bench
 
 STOP = b"D,0,0"
@@ -325,6 +326,27 @@ def test_a_guard_that_is_gone_stops_the_wheels_and_ends_the_run(tmp_path: Path) 
     assert bench.service.rested
     assert bench.ticks()[-1]["events"][-1][0] == "error"
     assert bench.service.ended == "error"
+
+
+def test_a_guard_that_goes_between_two_ticks_is_missed_at_once_and_the_next_tick_tells_it(tmp_path: Path) -> None:
+    bench, guard = guarded(tmp_path)
+    bench.service.connect()
+    clock = bench.robot.clock
+    clock.simulated = False  # as one that is waited for
+    gone = clock.now() + 1.055
+
+    def beat() -> None:
+        if clock.now() > gone:
+            raise GuardLost("the guard is gone")
+
+    guard.beat = beat  # type: ignore[method-assign]
+    with pytest.raises(GuardLost):
+        bench.service.run(bench.recording, duration=60.0)
+    assert bench.robot.speeds[-1][1] == STOP
+    first = next(moment for moment, order in bench.robot.speeds if order == STOP and moment > gone)
+    assert first - gone < PAUSE + 0.001
+    assert not moves(bench, gone)
+    assert bench.ticks()[-1]["events"][-1] == ["error", "the guard is gone"]
 
 
 def test_an_order_that_went_out_although_the_guard_had_acted_is_taken_back_at_once(tmp_path: Path) -> None:

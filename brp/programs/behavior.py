@@ -29,12 +29,15 @@ fire that goes out while Vigil is false. "A sequence of actions is always produc
 asks again without Behavior_t-1; ``behavior.possible(...)`` says whether it had to.
 """
 
+from typing import Any
+
 from brp.description import Specification
 from brp.forms import Table, Uniform
+from brp.question import Question
 from brp.variables import P, Variable
 
 __all__ = ["Base", "Behavior", "Behavior_t_1", "Energy", "Fire", "Identify", "Vigil", "behaving", "behavior"]
-__all__ += ["pi_behavior"]
+__all__ += ["pi_behavior", "steadier"]
 
 # [S9.1]
 Behavior = Variable("Behavior", ("idle", "patrol", "recognition", "fire-intervention", "homing", "recharge"))
@@ -46,7 +49,7 @@ Identify = Variable("Identify", (False, True))
 Behavior_t_1 = Variable("Behavior_t-1", Behavior.values)
 
 x = "x"
-table_2 = [
+table_2: list[list[Any]] = [
     # idle  patrol recognition fire-intervention homing recharge     was Behavior_t-1
     [0.90, x, 0, 0, x, x],  # idle
     [x, 0.90, x, x, x, x],  # patrol
@@ -79,19 +82,25 @@ table_7 = [
     [x, x, 1, x, x, x],  # true
 ]
 
-# [S9.2] at the left; [S9.3] and the tables at the right.
-pi_behavior = Specification(
-    {
-        P(Behavior_t_1): Uniform(),
-        P(Behavior | Behavior_t_1): Table(table_2),
-        P(Vigil | Behavior): Table(table_3),
-        P(Energy | Behavior): Table(table_4),
-        P(Base | Behavior): Table(table_5),
-        P(Fire | Behavior): Table(table_6),
-        P(Identify | Behavior): Table(table_7),
-    },
-    name="pi-behavior",
-)
+
+def specified(table_2: list[list[Any]]) -> Specification:
+    """pi-behavior, with a table 2."""
+    # [S9.2] at the left; [S9.3] and the tables at the right.
+    return Specification(
+        {
+            P(Behavior_t_1): Uniform(),
+            P(Behavior | Behavior_t_1): Table(table_2),
+            P(Vigil | Behavior): Table(table_3),
+            P(Energy | Behavior): Table(table_4),
+            P(Base | Behavior): Table(table_5),
+            P(Fire | Behavior): Table(table_6),
+            P(Identify | Behavior): Table(table_7),
+        },
+        name="pi-behavior",
+    )
+
+
+pi_behavior = specified(table_2)
 
 behaving = (
     pi_behavior.identify()
@@ -101,3 +110,11 @@ behaving = (
 behavior = behaving.ask(P(Behavior | Vigil, Energy, Base, Fire, Identify, Behavior_t_1)).where_impossible(
     without=Behavior_t_1
 )
+
+
+def steadier(stay: float) -> Question:
+    """E9.1 with a table 2 whose ``.90`` are ``stay``: a switch, for with the tables as printed patrol and recharge
+    swap every 4.6 s while Energy is low (see ``docs/watchman.md``)."""
+    rows = [[stay if entry == 0.90 else entry for entry in row] for row in table_2]
+    question = specified(rows).identify().ask(behavior.term)
+    return question.where_impossible(without=Behavior_t_1)

@@ -49,8 +49,14 @@ Sensory_variables = (
 )
 
 
-def pi_watchman(recognise: Form = recognise) -> Specification:
-    """The preliminary knowledge, with what is known of the objects by now."""
+def pi_watchman(
+    recognise: Form = recognise, *, locate: Form = locate, behavior: Form = behavior, move: Form = move
+) -> Specification:
+    """The preliminary knowledge, with what is known of the objects by now.
+
+    ``locate`` answers P(Theta2 | L1 ... L8); the robot's watchman takes `brp.programs.beacon`, whose lamp may be
+    far or out of sight. ``behavior`` and ``move`` are the two temporal sequences.
+    """
     # [E10.2]
     return Specification(
         {

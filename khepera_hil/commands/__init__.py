@@ -22,6 +22,10 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "replay": "ask a recorded run's questions again, or ask another program",
         "compare": "tell two recorded runs apart",
         "explain": "what spoke for and against a drawn value",
+        "teach": "drive by joystick, keyboard or script, and keep what was done as a data set",
+        "identify": "what a specification learns from data sets",
+        "calibrate": "the light sensors, by turning before a lamp",
+        "paper": "the paper's experiments of sections 5 to 8, with their figures",
         "export": "a run's ticks as columns (parquet, csv)",
     }
 )

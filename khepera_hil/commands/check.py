@@ -17,8 +17,8 @@ from khepera_hil.budget import RESERVE
 from khepera_hil.budget import needed as seconds_needed
 from khepera_hil.checkup import PLACES, TURRETS, RoundTrips, Watch, budgets, inputs, round_trips, turrets, watch
 from khepera_hil.clock import WallClock
+from khepera_hil.commands.address import port_url
 from khepera_hil.commands.parser import Parser, baud, number
-from khepera_hil.commands.run import port_url
 from khepera_hil.controllers import PROGRAMS
 from khepera_hil.errors import RobotError
 from khepera_hil.khepera import Khepera
@@ -91,7 +91,7 @@ def _look(khepera: Khepera, each: int, period: float, seconds: float) -> dict[st
     found["trips"] = round_trips(khepera, each)
     _progress(f"{seconds:g} s of sensors")
     found["watch"] = watch(khepera, period, seconds)
-    found["budgets"] = budgets({name: make().needs for name, (_, make) in PROGRAMS.items()}, period)
+    found["budgets"] = budgets({name: one.make().needs for name, one in PROGRAMS.items()}, period)
     needed = seconds_needed(("N", "O"), khepera.link.baud)
     found["remarks"] = [*_of_the_line(found, needed, period), *_of_the_sensors(found["watch"])]
     return found

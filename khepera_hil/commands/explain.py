@@ -45,7 +45,8 @@ def main(arguments: Sequence[str]) -> int:
     found = {}
     for variable, (question, drawn) in _draws(run, tick, asked).items():
         try:
-            found[variable] = list(reasons(question, drawn, tick.evidence))
+            before = {v.name: tick.draws[v.name] for v in question.known if v.name in tick.draws}
+            found[variable] = list(reasons(question, drawn, {**before, **tick.evidence}))
         except (BrpError, KeyError) as error:
             raise UsageError(
                 f"tick {tick.tick} cannot be asked again, the program has changed since it was recorded: {error}"

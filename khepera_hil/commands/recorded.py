@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from khepera_hil.commands.parser import Parser, existing_name
+from khepera_hil.commands.setting import setting_in
 from khepera_hil.controllers import PROGRAMS, Controller
 from khepera_hil.errors import UsageError
 from khepera_hil.reading import Run, find
@@ -37,9 +38,10 @@ def controller_of(run: Run) -> Controller:
             f"{run.name} is a run of {run.program!r}, which this version does not have; "
             f"there are {', '.join(sorted(PROGRAMS))}"
         )
-    return make(run.program)
+    program = PROGRAMS[run.program]
+    return program.make(setting_in(run.manifest, program))
 
 
 def make(program: str) -> Controller:
     """A program by name. Raises UsageError when there is none."""
-    return PROGRAMS[existing_name("program", program, list(PROGRAMS))][1]()
+    return PROGRAMS[existing_name("program", program, list(PROGRAMS))].make()

@@ -2,56 +2,24 @@
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import secrets
-import shutil
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
-from dataclasses import asdict
-from datetime import datetime
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
-from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
-import serial
-
-from khepera_hil import chance
-from khepera_hil.budget import plan
-from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands import COMMANDS
+from khepera_hil.commands.address import DEFAULT_WORLD, port_url
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
-from khepera_hil.commands.scored import scored
-from khepera_hil.commands.signals import heeded
+from khepera_hil.commands.session import LOCAL, run_on_robot
+from khepera_hil.commands.setting import add_setting, setting_of, told
 from khepera_hil.controllers import PROGRAMS
-from khepera_hil.errors import NoAnswer, RecordingError, UsageError
-from khepera_hil.faultspec import Specification
-from khepera_hil.follower import Follower
-from khepera_hil.guarding import Guarding, Process, Unguarded, limit
-from khepera_hil.khepera import Khepera
-from khepera_hil.link import Link
-from khepera_hil.opening import Port, close_port, descriptor, open_port, reopen
-from khepera_hil.orders import OrderSocket
-from khepera_hil.quantiles import Quantiles
-from khepera_hil.realtime import Collector, ask_for_realtime
-from khepera_hil.reconnection import stable_name
-from khepera_hil.recording import Recording, Tick
-from khepera_hil.service import PATIENCE, Service
-from khepera_hil.systemd import Manager
-from khepera_hil.terminal import Terminal
-from khepera_hil.viewer import FILE, ROWS_FAST, ROWS_WALL, open_file
-from khepera_hil.viewer.live import Address, address, open_live
-from khepera_hil.viewer.program import has_screen
-from khepera_hil.world import arenas, load_scenario, scenarios
+from khepera_hil.controllers.object import Recogniser
+from khepera_hil.service import PATIENCE
+from khepera_hil.teaching.knowledge import write_knowledge
+from khepera_hil.world import arenas, scenarios
 
-__all__ = ["main"]
+__all__ = ["main", "parser_of_run"]
 
-DEFAULT_WORLD = "furnished"
-LOCAL = "127.0.0.1"
-_TERMINAL = "the terminal"
 _COMMANDS = "\n".join(f"  khepera-hil {name:9} {does}" for name, does in COMMANDS.items() if name != "run")
 
 EPILOG = f"""\
@@ -71,288 +39,32 @@ exit codes: 0 ended well (duration, Ctrl-C, SIGTERM, order)  2 wrong arguments  
 
 def main(arguments: Sequence[str]) -> int:
     """Run a program on a robot, record it, and say how it went."""
-    asked = _parser().parse_args(arguments)
+    asked = parser_of_run().parse_args(arguments)
     if asked.list:
         _list()
         return 0
     existing_name("program", asked.program, list(PROGRAMS))
-    live = _live(asked)
     chosen_seed = secrets.randbits(32) if asked.seed is None else asked.seed
     url = port_url(asked.port, asked.world, asked.scenario, fast=asked.fast, seed=chosen_seed, faults=asked.faults)
-    # From here on pyserial knows emulator:// (a module protocol_emulator in our package of handlers).
-    if "khepera_hil.ports" not in serial.protocol_handler_packages:
-        serial.protocol_handler_packages.append("khepera_hil.ports")
-    controller = PROGRAMS[asked.program][1]()
-    plan(asked.program, controller.needs, baud=asked.baud, period=asked.period, verify=asked.verify)
-    if asked.realtime:
-        for refusal in ask_for_realtime():
-            _remark(refusal)
-    port = open_port(url, asked.baud, _remark)
-    clock: Clock = getattr(port, "clock", None) or WallClock()
+    setting = setting_of(asked)
+    controller = PROGRAMS[asked.program].make(setting)
     try:
-        guard = _guard(port, asked)
-    except BaseException:
-        close_port(port)
-        raise
-    with closing(Manager()) as manager:
-        between = _Between(manager, Collector())
-        service = Service(
-            Khepera(Link(port, clock, baud=asked.baud)),
-            controller,
-            clock=clock,
-            period=asked.period,
-            rng=chance.generator(chosen_seed, "program"),
-            verify=asked.verify,
-            witness=getattr(port, "witness", None),
-            guard=guard,
-            reopen=partial(_reopened, port, stable_name(url), asked.baud, clock),
-            resume=asked.resume,
-            patience=asked.patience,
-            idle=between.idle,
-        )
-        between.service = service
-        with closing(service), heeded(service):
-            _run(asked, chosen_seed, url, service, clock, getattr(port, "witness", None), between, live)
+        run_on_robot(asked, chosen_seed, url, controller, {"setting": told(asked)})
+    finally:
+        if (
+            asked.knowledge is not None
+            and isinstance(controller, Recogniser)
+            and len(controller.met) > len(setting.met)
+        ):
+            write_knowledge(controller.met, asked.knowledge)
+            print(f"{len(controller.met)} tours known in {asked.knowledge}", file=sys.stderr)
     return 0
-
-
-def _live(asked: argparse.Namespace) -> Address | None:
-    """Where viewers of the running loop are served, if they are."""
-    if asked.view and not has_screen():
-        raise UsageError("there is no screen here to open the viewer on; --serve shows the run in a browser")
-    if not asked.view and asked.serve is None:
-        return None
-    return address(LOCAL if asked.serve is None else asked.serve)
-
-
-def _guard(port: Port, asked: argparse.Namespace) -> Guarding:
-    """A guard where the port has a descriptor to write to in our place; else one line, or none for the emulator."""
-    if descriptor(port) is not None:
-        return Process(limit(asked.period))
-    if not hasattr(port, "witness"):
-        _remark(
-            f"{asked.port} has no descriptor, so there is no guard: "
-            "should this process be killed, the wheels keep their speed"
-        )
-    return Unguarded()
-
-
-def _reopened(port: Port, name: str, baud: int, clock: Clock) -> Khepera:
-    return Khepera(Link(reopen(port, name, baud), clock, baud=baud))
-
-
-class _Between:
-    """What is done when a tick is done: the service manager told, garbage collected."""
-
-    service: Service
-
-    def __init__(self, manager: Manager, collector: Collector) -> None:
-        self.manager, self.collector = manager, collector
-        self._told = ""
-
-    def idle(self, slack: float) -> None:
-        """With so many seconds left before the next tick."""
-        self.manager.alive()
-        if self.service.state != self._told:
-            self._told = self.service.state
-            self.manager.status(self._told)
-        self.collector.idle(slack)
-
-
-def _run(
-    asked: argparse.Namespace,
-    seed: int,
-    url: str,
-    service: Service,
-    clock: Clock,
-    witness: Any,
-    between: _Between,
-    live: Address | None,
-) -> None:
-    versions = service.connect()
-    manifest: dict[str, Any] = {
-        "port": asked.port,
-        "baud": asked.baud,
-        "period_s": asked.period,
-        "clock": "simulated" if clock.simulated else "wall",
-        "verify": asked.verify,
-        "faults": dict(parse_qsl(urlsplit(url).query)).get("faults"),
-        "robot": {"bios": versions[0], "protocol": versions[1]},
-        **service.program(),
-        "world": None
-        if witness is None
-        else {**_world_of(url), "size": witness.size(), "shapes": witness.shapes()},
-    }
-    recording = Recording.create(
-        asked.runs, program=asked.program, seed=seed, manifest=manifest, started=datetime.now()
-    )
-    try:
-        print(f"{asked.program} on {asked.port}: Khepera {versions[0]}, seed {seed}, recording {recording.folder}")
-        rows = ROWS_FAST if clock.simulated else ROWS_WALL
-        opening = partial(open_file, recording.folder / FILE, recording.manifest, rows=rows)
-        viewer: Follower[Tick] = Follower(opening, name=FILE, waits=clock.simulated)
-        recording.follow(viewer)
-        viewer.wait_until_open()
-        if live is not None:
-            page = asked.serve is not None
-            looking = partial(open_live, recording.manifest, live, page=page, window=asked.view)
-            recording.follow(Follower(looking, name="the live view", waits=clock.simulated))
-            if page:
-                print(f"look on at {live.page} or by: {_called('rerun')} {live.stream}")
-        if sys.stdout is not None:  # nobody looks where it was closed
-            sys.stdout.flush()
-            recording.follow(Follower(Terminal(sys.stdout, asked.program), name=_TERMINAL, waits=False))
-        with _orders(recording.folder, clock, service) as orders:
-            between.manager.ready(f"{asked.program} on {asked.port}")
-            between.collector.begin()
-            try:
-                service.run(recording, duration=asked.duration, orders=orders)
-            finally:
-                between.collector.end()
-                between.manager.stopping()
-    except BaseException:
-        _finish(recording, service, witness, as_json=asked.json)
-        raise
-    if (failure := _finish(recording, service, witness, as_json=asked.json)) is not None:
-        raise failure
-    if not service.rested:
-        raise NoAnswer("the robot did not acknowledge the order to stop: see that its wheels stand still")
-
-
-@contextmanager
-def _orders(folder: Path, clock: Clock, service: Service) -> Iterator[list[OrderSocket]]:
-    """The operator's socket; none in simulated time, which must repeat, and where the folder can hold none."""
-    if clock.simulated:
-        yield []
-        return
-    try:
-        socket = OrderSocket(folder)
-    except OSError as error:
-        service.remark("warning", f"no orders will be taken: {folder} holds no socket ({error.strerror or error})")
-        yield []
-        return
-    with closing(socket):
-        yield [socket]
-
-
-def _finish(recording: Recording, service: Service, witness: Any, *, as_json: bool) -> RecordingError | None:
-    """Close the recording and say how the run went; what could not be written is returned, not raised."""
-    ending: dict[str, Any] = {
-        "ticks": service.ticks,
-        "missed": service.missed,
-        "without_data": service.blind,
-        "lines_lost": service.losses,
-        "robot_resets": service.resets,
-        "checks": asdict(service.checks),
-        "faults": {} if witness is None else witness.faults(),
-        "work_ms": _percentiles(service.work),
-        "late_ms": _percentiles(service.late),
-        "stop": service.ended,
-        "state": service.state,
-        "rested": service.rested,
-        "error": service.error,
-        "score": {} if witness is None else witness.score(),
-    }
-    failure = None
-    try:
-        losses = recording.close(ending)
-    except RecordingError as error:
-        losses, failure = [], error
-    for loss in losses:
-        if not loss.startswith(_TERMINAL):  # who closed it knows that
-            print(f"khepera-hil: {loss}", file=sys.stderr)
-    print(f"stopped ({ending['stop']}) after {ending['ticks']} ticks, {ending['missed']} deadlines missed")
-    if ending["checks"]["verified"]:
-        print(
-            "verified: {verified} answers, {third} read a third time, {refused} ticks refused".format_map(
-                ending["checks"]
-            )
-        )
-    if ending["faults"]:
-        print("faults: " + ", ".join(f"{kind} {number}" for kind, number in sorted(ending["faults"].items())))
-    if ending["score"]:
-        print(scored(ending["score"]))
-    print(f"recorded in {recording.folder}; to look at it: {_called('khepera-hil')} review {recording.folder}")
-    if as_json:
-        about = {name: recording.manifest[name] for name in ("program", "seed")}
-        print(json.dumps({"run": str(recording.folder), **about, **ending}))
-    return failure
-
-
-def _remark(sentence: str) -> None:
-    print(f"khepera-hil: {sentence}", file=sys.stderr)
-
-
-def _called(name: str) -> str:
-    """How a program is called here: it is installed beside the interpreter, which may not be on the PATH."""
-    beside = Path(sys.executable).with_name(name)
-    if shutil.which(name) is None and beside.exists():
-        return os.path.relpath(beside) if beside.is_relative_to(Path.cwd()) else str(beside)
-    return name
-
-
-def _percentiles(seconds: Quantiles) -> dict[str, float | None]:
-    """In milliseconds; null where there was no tick."""
-    found = {"p50": seconds.at(0.5), "p99": seconds.at(0.99)}
-    return {name: None if value is None else round(1e3 * value, 3) for name, value in found.items()}
-
-
-def port_url(
-    port: str,
-    world: str | None,
-    scenario: str | None = None,
-    *,
-    fast: bool,
-    seed: int,
-    faults: str | None = None,
-) -> str:
-    """What pyserial is asked to open. Only the in-process emulator has worlds, scenarios and a simulated clock."""
-    for flag, text in (("--port", port), ("--world", world), ("--scenario", scenario)):
-        if text == "":
-            raise UsageError(f"{flag} is empty; leave it out for the emulator in its usual arena")
-    if port.partition(":")[0].lower() != "emulator":
-        asked = {"--world": world, "--scenario": scenario, "--faults": faults, "--fast": fast or None}
-        for flag, given in ((flag, value is not None) for flag, value in asked.items()):
-            if given:
-                raise UsageError(f"{flag} goes with --port emulator only; {port} is a robot of its own")
-        return port
-    try:
-        parts = urlsplit(port if ":" in port else "emulator://")
-    except ValueError:
-        raise UsageError(f"--port {port} is no name of an emulator; write emulator://ARENA") from None
-    named = unquote(parts.netloc + parts.path)
-    if world is not None and named and named != world:
-        raise UsageError(f"--port {port} and --world {world} name two different worlds; leave one of them out")
-    # A plus is a plus, as in disconnect@30+5.
-    query = dict(parse_qsl(parts.query.replace("+", "%2B"), keep_blank_values=True))
-    for key, flag in (("seed", "--seed"), ("clock", "--fast")):
-        if key in query:
-            raise UsageError(f"{key} does not go into the port's name; say {flag}")
-    if scenario is not None and query.setdefault("scenario", scenario) != scenario:
-        raise UsageError(
-            f"--port {port} and --scenario {scenario} name two different scenarios; leave one of them out"
-        )
-    if not (where := world or named) and "scenario" in query:
-        where = load_scenario(query["scenario"]).world or ""
-    query |= {"seed": str(seed), "clock": "simulated" if fast else "wall"}
-    if faults is not None and query.setdefault("faults", faults) != faults:
-        raise UsageError(f"--port {port} and --faults {faults} name two different faults; leave one of them out")
-    if "faults" in query:
-        Specification.parse(query["faults"])  # a mistake is told before anything else happens
-    return f"emulator://{quote(where or DEFAULT_WORLD)}?{urlencode(query, quote_via=quote)}"
-
-
-def _world_of(url: str) -> dict[str, str | None]:
-    """Name and scenario of the world that a URL is about."""
-    parts = urlsplit(url)
-    query = dict(parse_qsl(parts.query))
-    return {"name": unquote(parts.netloc + parts.path), "scenario": query.get("scenario")}
 
 
 def _list() -> None:
     print("programs (--program):")
-    for name, (does, _) in PROGRAMS.items():
-        print(f"  {name:13} {does}")
+    for name, one in PROGRAMS.items():
+        print(f"  {name:13} {one.about}")
     print("arenas of the emulator (--world):")
     for name, looks in arenas().items():
         print(f"  {name:13} {looks}")
@@ -361,13 +73,15 @@ def _list() -> None:
         print(f"  {name:13} {happens}")
 
 
-def _parser() -> Parser:
+def parser_of_run() -> Parser:
+    """The options of a run."""
     parser = Parser(
         "khepera-hil", "Run a Bayesian robot program on a Khepera and record every distribution.", EPILOG
     )
     add = parser.add_argument
     add("--port", default="emulator", help="a device, a URL of pyserial's, or emulator (default: %(default)s)")
     add("--program", default="home", metavar="NAME", help="what to run, see --list (default: %(default)s)")
+    add_setting(parser)
     add("--baud", type=baud, default=38400, help="the rate of the robot's mode (default: %(default)s)")
     add(
         "--period",

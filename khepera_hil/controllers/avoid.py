@@ -1,12 +1,12 @@
 """Obstacle avoidance (section 5): Draw(P(Vrot | Dir Prox delta-avoid pi-obstacle)), every tenth of a second."""
 
-from brp.programs.obstacle import avoid
-from khepera_hil.controllers.base import Reactive
-from khepera_hil.perception import Obstacle
+from brp.programs.obstacle import avoiding
+from khepera_hil.controllers.base import USUAL, Reactive, Setting
+from khepera_hil.controllers.nearby import reactive
 
 __all__ = ["controller"]
 
 
-def controller() -> Reactive:
-    """E5.2 with the data set delta-avoid."""
-    return Reactive("avoid", [Obstacle()], avoid)
+def controller(setting: Setting = USUAL) -> Reactive:
+    """E5.2 with delta-avoid: the table written by hand, or what was taught."""
+    return reactive("avoid", avoiding, setting)

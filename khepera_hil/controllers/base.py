@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from brp import Distribution, Question, Value
+from brp import Description, Distribution, Question, Specification, Term, Value
+from brp.programs.lamp import LightSensor
 from khepera_hil.perception import Need, Readings, Sense
 
-__all__ = ["VTRANS", "Commanded", "Controller", "Decision", "Reactive", "wheels"]
+__all__ = [
+    "USUAL",
+    "VTRANS",
+    "Commanded",
+    "Controller",
+    "Decision",
+    "Program",
+    "Reactive",
+    "Setting",
+    "wheels",
+    "without",
+]
 
 VTRANS = 5
 """The fixed translation speed of section 4.1, on the scale of the watchman's Vtrans (0..10)."""
@@ -39,6 +51,11 @@ class Decision:
     right: int
     """Speeds to send, in units of the manual's command D."""
     clipped: Mapping[str, int] = field(default_factory=dict)
+    events: Sequence[tuple[str, str]] = ()
+    """What the user should know of this tick: level (info, warning) and a sentence."""
+    commands: Sequence[tuple[int | str, ...]] = ()
+    """Requests beside D that are sent after it, letter and values: ``("W", 1, 32)``. One that is not confirmed is
+    an event and nothing more, so a controller says again what matters."""
 
 
 class Controller(Protocol):
@@ -74,6 +91,46 @@ class Commanded(Protocol):
         Raises :class:`~khepera_hil.errors.OrderRefused`, with nothing changed, for one that it does not know or
         that makes no sense now.
         """
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What may be chosen of a program when it is made."""
+
+    unknown: tuple[str, ...] = ()
+    """Variables that the question is not told, because a sensor failed (E5.3); they are summed out."""
+    taught: Description | None = None
+    """What to go by in place of the program's own description: the same specification, other data (lesson 2)."""
+    sensors: tuple[LightSensor, ...] | None = None
+    """The light sensors as they were calibrated (section 6.2)."""
+    met: tuple[Mapping[str, int], ...] = ()
+    """The objects met in earlier runs: rows of O, Nlt, Nrt, Per, Lrl (section 8)."""
+    early: tuple[str, ...] = ()
+    """The internal variables that are drawn before the motors are (section 10.4); none: late."""
+    memory: str = "drawn"
+    """What the watchman carries from tick to tick: what was ``drawn``, or the ``whole`` distribution."""
+    stay: float = 0.9
+    """The watchman's: what stands on the diagonal of table 2 for the paper's .90."""
+
+
+USUAL = Setting()
+"""Everything known, and the program's own description."""
+
+
+class Program(NamedTuple):
+    """A program as the command line knows it. ``make`` takes a :class:`Setting`, or nothing for the usual one."""
+
+    about: str
+    make: Callable[..., Controller]
+    known: tuple[str, ...] = ()
+    """The variables that its question is told: each but one may be named unknown."""
+    specification: Specification | None = None
+    """What can be taught, if anything can."""
+
+
+def without(term: Term, unknown: Sequence[str]) -> Term:
+    """The term with these of its known variables left out."""
+    return Term(term.of, tuple(v for v in term.given if v.name not in unknown))
 
 
 def wheels(vrot: int, vtrans: int = VTRANS) -> tuple[int, int]:

@@ -5,8 +5,23 @@ readings are clipped, and every clipping is counted, so that an odd reading of a
 loop nor passes unseen.
 """
 
+from khepera_hil.perception.ahead import LightAhead
 from khepera_hil.perception.light import LightBearing
 from khepera_hil.perception.obstacle import Obstacle
+from khepera_hil.perception.odometry import Odometry
 from khepera_hil.perception.readings import Need, Percept, Readings, Sense
+from khepera_hil.perception.scaled import ScaledLight
+from khepera_hil.perception.tour import Tour
 
-__all__ = ["LightBearing", "Need", "Obstacle", "Percept", "Readings", "Sense"]
+__all__ = [
+    "LightAhead",
+    "LightBearing",
+    "Need",
+    "Obstacle",
+    "Odometry",
+    "Percept",
+    "Readings",
+    "ScaledLight",
+    "Sense",
+    "Tour",
+]

@@ -84,6 +84,11 @@ class Witness:
         self._catch_up()
         return [(order.order, order.on) for order in self._world.due(Order)]
 
+    def in_view(self) -> set[str]:
+        """The movers that the camera could see now."""
+        self._catch_up()
+        return self._world.in_view()
+
     def heard_alarm(self) -> None:
         """The program sounded its alarm now; for the score."""
         self._catch_up()
@@ -104,6 +109,7 @@ class Serial(SerialBase):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self._emulator: Emulator | None = None
         self._input = bytearray()
+        self._pumped = -1.0
         self.faults: Faults | None = None
         """What is done to the line, where anything is."""
         self.unplugged = False
@@ -120,6 +126,7 @@ class Serial(SerialBase):
             if not self._emulator.plug_in(self.clock.now()):
                 raise serial.SerialException(errno.ENOENT, f"{self.port} is unplugged")
             self._input.clear()
+            self._pumped = -1.0
             self.unplugged, self.is_open = False, True
             return
         world, make_clock, baud, fittings = _parsed(self.port)
@@ -128,6 +135,7 @@ class Serial(SerialBase):
             world, baud or self.baudrate, host_baud=self._checked_baudrate(), fifo=FIFO_16550, **fittings
         )
         self._input.clear()
+        self._pumped = -1.0
         clock = make_clock()
         if isinstance(clock, SimulatedClock):
             clock.on_advance = self._emulator.advance
@@ -192,6 +200,7 @@ class Serial(SerialBase):
                 self.clock.sleep_until(min(limit, now + over * 11 / self.baudrate))
                 now = self._pump(robot)
             robot.receive(part, now)
+            self._pumped = -1.0
         return len(data)
 
     def flush(self) -> None:
@@ -219,6 +228,9 @@ class Serial(SerialBase):
     def _pump(self, robot: Emulator) -> float:
         """Take over what has come by now."""
         now = self.clock.now()
+        if now == self._pumped:  # nothing takes no time
+            return now
+        self._pumped = now
         if isinstance(robot, Disturbed) and robot.unplugged(now):
             self.unplugged = True
             raise serial.SerialException(errno.EIO, "the line is unplugged")
@@ -238,7 +250,7 @@ class Serial(SerialBase):
 
     def _reconfigure_port(self) -> None:
         """Called by pyserial when a setting changes; only the rate means something to the wire."""
-        if self._emulator is not None:
+        if self._emulator is not None and self.baudrate != self._emulator.host_baud:
             self._emulator.host_baud = self._checked_baudrate()
 
     # Lines that a three-wire cable does not have; pyserial sets them on opening and on request.

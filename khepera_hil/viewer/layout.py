@@ -7,6 +7,7 @@ variables, wheels and the loop over time.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,19 +18,28 @@ import rerun.blueprint as rrb
 from khepera_hil.recording import Value
 from khepera_hil.viewer import colours
 from khepera_hil.viewer.beliefs import HISTORY, MANY, PACE, Panel, panels
+from khepera_hil.viewer.eye import PATH, camera_of
 from khepera_hil.viewer.scene import TRAIL
 from khepera_hil.viewer.states import SERVICE, is_word, states
 
 __all__ = ["about", "layout"]
 
 TRAIL_SECONDS = 120.0
+
+_MANY_LANES = 4
+"""States beyond which they get the room, and the variables share theirs."""
+
 GROUND = colours.GROUND
 
 
 def layout(manifest: Mapping[str, Any]) -> rrb.Blueprint:
     """The layout for this run's questions and arena."""
     shown = panels(manifest)
-    left = rrb.Vertical(_space(manifest), _texts(), row_shares=[3.1, 1])
+    if camera_of(manifest) is None:
+        left = rrb.Vertical(_space(manifest), _texts(), row_shares=[3.1, 1])
+    else:
+        eye = rrb.Spatial2DView(origin=PATH, name="Camera, 36 degrees", background=GROUND)
+        left = rrb.Vertical(_space(manifest), eye, _texts(), row_shares=[3.1, 0.4, 1])
     columns: list[Any] = [left]
     shares = [1.12]
     if shown:
@@ -146,6 +156,9 @@ def _waterfall(panel: Panel) -> rrb.Spatial2DView:
 
 def _series(manifest: Mapping[str, Any]) -> rrb.Vertical:
     variables = _variables(manifest.get("evidence") or {})
+    lanes = len(states(manifest))
+    if lanes > _MANY_LANES and len(variables) > 1:  # what goes from behavior to behavior is read off its states
+        variables = [rrb.Tabs(*variables, active_tab=0)]
     return rrb.Vertical(
         _plot("/sensors/proximity", "Proximity Px1..Px8: 0 far .. 1023 near", legend=False, span=(0, 1023)),
         _plot("/sensors/light", "Light L1..L8: 511 dark .. 0 bright", legend=False, span=(0, 511)),
@@ -159,7 +172,7 @@ def _series(manifest: Mapping[str, Any]) -> rrb.Vertical:
             active_tab=0,
         ),
         # A lane of states is low, and many of them can be scrolled.
-        row_shares=[1.0, 1.0, *[1.0] * len(variables), min(0.9 + 0.35 * len(states(manifest)), 2.3), 1.0, 0.9],
+        row_shares=[1.0, 1.0, *[1.0] * len(variables), min(0.9 + 0.35 * lanes, 3.5), 1.0, 0.9],
     )
 
 
@@ -169,7 +182,7 @@ def _variables(evidence: Mapping[str, Sequence[Value]]) -> list[Any]:
         return [_plot("/variables", "Variables", legend=True)]
     scales: dict[int, list[str]] = {}
     for name, values in evidence.items():
-        if not all(map(is_word, values)):
+        if not all(map(is_word, values)) and not re.fullmatch(r"(Px|L)[1-8]", name):
             widest = max((abs(float(value)) for value in values if not isinstance(value, str)), default=1.0)
             scales.setdefault(int(np.log(max(widest, 1.0)) / np.log(8)), []).append(name)
     plots: list[Any] = [

@@ -126,7 +126,7 @@ class LiveView:
             )
         if window:
             # On a port of its own, so that it is a new window and not one that is open already.
-            program.start([where.stream, "--port", "auto"], outlives=True)
+            program.start([where.stream, "--bind", "127.0.0.1", "--port", "auto"], outlives=True)
 
     def write(self, tick: Tick, dropped: int) -> None:
         """Send the tick to whoever looks on."""

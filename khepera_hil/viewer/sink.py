@@ -13,6 +13,7 @@ from khepera_hil.recording import Tick
 from khepera_hil.viewer import colours
 from khepera_hil.viewer.beliefs import Beliefs
 from khepera_hil.viewer.columns import Columns, Lane, Stamp, vectors
+from khepera_hil.viewer.eye import Eye
 from khepera_hil.viewer.layout import about, layout
 from khepera_hil.viewer.scene import Scene, readings
 from khepera_hil.viewer.states import States, is_word
@@ -32,6 +33,9 @@ LEVELS = {
     "error": "ERROR",
     "critical": "CRITICAL",
 }
+
+
+_SENSORS = frozenset(f"{kind}{i}" for kind in ("Px", "L") for i in range(1, 9))
 
 
 class RerunSink:
@@ -57,6 +61,7 @@ class RerunSink:
         self._scene = Scene(self._stream, manifest)
         self._beliefs = Beliefs(self._stream, manifest)
         self._states = States(self._stream, manifest)
+        self._eye = Eye(manifest)
         self._lanes = _own_lanes(self._stream)
         self._variables: dict[str, Lane] = {}
         self._stream.log(
@@ -69,6 +74,7 @@ class RerunSink:
         self._scene.write(tick, stamp)
         self._beliefs.write(tick, stamp)
         self._states.write(tick, stamp)
+        self._eye.write(tick, stamp)
         self._own(tick, stamp, dropped)
         self._count += 1
         for i, lane in enumerate(self._all()):
@@ -93,7 +99,8 @@ class RerunSink:
         self._stream.disconnect()
 
     def _all(self) -> list[Lane]:
-        owners = (self._lanes, self._variables, self._beliefs.lanes, self._states.lanes, self._scene.lanes)
+        drawn = (self._beliefs.lanes, self._states.lanes, self._scene.lanes, self._eye.lanes)
+        owners = (self._lanes, self._variables, *drawn)
         return [lane for lanes in owners for lane in lanes.values()]
 
     def _own(self, tick: Tick, stamp: Stamp, dropped: int) -> None:
@@ -107,8 +114,8 @@ class RerunSink:
         asked = sum(len(answer) + 2 for letter, answer in tick.raw.items() if letter != "?")
         self._lanes["link"].add(stamp, np.array([asked, len(tick.raw.get("?", ""))], np.float64))
         for name, value in tick.evidence.items():
-            if is_word(value):
-                continue  # a state
+            if is_word(value) or name in _SENSORS:
+                continue  # a state, or one of the eight that are drawn together
             lane = self._variables.get(name)
             if lane is None:
                 lane = self._variables[name] = _variable(self._stream, name)

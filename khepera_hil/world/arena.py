@@ -283,12 +283,17 @@ def _start(table: Table | None, arena: Arena) -> Start:
     if start.pose is not None:
         if not (start.pose[0] <= width and start.pose[1] <= depth):
             raise table.wrong("at_mm", f"must be on the floor of {width:g} x {depth:g} mm")
-        robot = disc("robot", "robot", BODY_RADIUS, start.pose, 29.0)
-        standing = [thing for thing in arena.things if thing.name not in arena.shelved]
-        for other in [*arena_walls(arena), *base_walls(arena), *standing]:
-            if overlap(robot, other):
-                raise table.wrong("at_mm", f"must have room for the robot, 57 mm wide, but {other.name!r} is there")
+        if (other := in_the_way(arena, start.pose)) is not None:
+            raise table.wrong("at_mm", f"must have room for the robot, 57 mm wide, but {other!r} is there")
     return start
+
+
+def in_the_way(arena: Arena, pose: tuple[float, float, float]) -> str | None:
+    """What stands where the robot would start, if anything that the file puts there does."""
+    robot = disc("robot", "robot", BODY_RADIUS, pose, 29.0)
+    standing = [thing for thing in arena.things if thing.name not in arena.shelved]
+    everything = [*arena_walls(arena), *base_walls(arena), *standing]
+    return next((other.name for other in everything if overlap(robot, other)), None)
 
 
 def arena_walls(arena: Arena) -> list[Shape]:

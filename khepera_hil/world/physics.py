@@ -33,7 +33,7 @@ _LONGEST_WAY = 0.25
 """mm that the robot goes between two looks of the engine at what touches what: a fast robot's steps are divided,
 since what it enters within one of them it has already sunk into."""
 
-_ROBOT, _COUNTED, _BASE = 1, 2, 3
+_ROBOT, _COUNTED, _BASE, _MOVER = 1, 2, 3, 4
 
 
 class Physics:
@@ -41,7 +41,8 @@ class Physics:
 
     ``movables`` are places among the shapes; those of them that are in ``absent`` are not on the floor yet.
 
-    :attr:`touching` says with how many things the robot is in contact, the base's walls left out.
+    :attr:`touching` says with how many things the robot is in contact, the base's walls left out, and
+    :attr:`meeting` how many of them are movers.
     """
 
     def __init__(
@@ -53,10 +54,11 @@ class Physics:
         absent: Collection[int] = (),
     ) -> None:
         self._space = space = pymunk.Space()
-        self.touching = 0
+        self.touching = self.meeting = 0
         # What lies still for long costs nothing; the robot never sleeps, its joint to a kinematic body keeps it up.
         space.sleep_time_threshold, space.idle_speed_threshold = 0.2, 0.01
         space.on_collision(_ROBOT, _COUNTED, begin=self._touch, separate=self._part)
+        space.on_collision(_ROBOT, _MOVER, begin=self._meet, separate=self._leave)
         for shape in shapes:
             if not shape.movable:
                 for solid in self._outlines(shape, space.static_body):
@@ -106,7 +108,7 @@ class Physics:
         thing.body = body = pymunk.Body(shape.mass, moment)
         thing.solids = self._outlines(shape, body)
         for solid in thing.solids:
-            solid.collision_type = _COUNTED
+            solid.collision_type = _MOVER if shape.kind == "mover" else _COUNTED
         if shape.kind == "mover":
             thing.drive = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
             grip = _MOVER_GRIP * shape.mass * _GRAVITY
@@ -248,6 +250,14 @@ class Physics:
 
     def _part(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: object) -> None:
         self.touching -= 1
+
+    def _meet(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: object) -> None:
+        self.meeting += 1
+        self._touch(arbiter, space, data)
+
+    def _leave(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: object) -> None:
+        self.meeting -= 1
+        self._part(arbiter, space, data)
 
 
 class _Body:

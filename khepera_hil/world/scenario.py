@@ -160,6 +160,7 @@ class Scenario:
     """What happens, in the order of time.
 
     ``world`` is the arena that it was made for, if any; the battery is so many times faster by ``compression``.
+    ``start`` is where the robot starts (mm, radians counter-clockwise), in place of what the arena says.
     """
 
     name: str
@@ -167,6 +168,7 @@ class Scenario:
     events: tuple[Event, ...]
     world: str | None = None
     compression: float = 1.0
+    start: tuple[float, float, float] | None = None
 
 
 E_co = TypeVar("E_co", bound=Event)
@@ -213,10 +215,20 @@ def load_scenario(name: str) -> Scenario:
         title=table.text("title"),
         world=table.text("world", "") or None,
         compression=table.number("battery_compression", 0.01, 1000, 1.0),
+        start=_start(table.table("start")),
         events=tuple(sorted(map(_event, table.tables("event")), key=lambda event: event.at)),
     )
     table.end()
     return scenario
+
+
+def _start(table: Table | None) -> tuple[float, float, float] | None:
+    if table is None:
+        return None
+    x, y = table.numbers("at_mm", 2, 0, _FLOOR)
+    start = x, y, math.radians(table.number("heading_deg", -360, 360, 0.0))
+    table.end()
+    return start
 
 
 def _event(table: Table) -> Event:

@@ -16,62 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from khepera_hil.world.shapes import Pose, Shape
+from khepera_hil.world.solids import Solid, beside, is_near, nearest
 
-__all__ = ["Hits", "Rays", "Scene", "Solid"]
+__all__ = ["Hits", "Rays", "Scene"]
 
 Array = NDArray[np.float64]
 
 _NOWHERE = 1e9
 _NEIGHBOURHOOD = 40.0  # mm that the robot may go before what is near is looked for anew
 _LEAN = 1.58  # exponent of a sloping face's cosine, as of the incidence in the plane (khepera_hil.world.sensors)
-_NOBODY = (math.inf, math.inf, -math.inf, -math.inf)
-
-# One edge, counter-clockwise round its shape: start, way to its end, length.
-_Edge = tuple[float, float, float, float, float]
-
-
-class Solid:
-    """A shape where it stands now, cut at one height: its box along the axes, its edges or its radius.
-
-    ``pose`` None: it stands elsewhere. :attr:`lean` is the cosine of the slope of its sides.
-    """
-
-    def __init__(self, shape: Shape, place: int, level: float) -> None:
-        self.shape = shape
-        self.place_of_shape = place
-        self._scale = 1 - level / shape.height if shape.pointed else 1.0
-        self.radius = shape.radius * self._scale
-        self.lean = 1.0
-        if shape.pointed:
-            inner = shape.radius or min(
-                math.hypot(x + to_x, y + to_y) / 2 for (x, y), (to_x, to_y) in _sides(shape)
-            )
-            self.lean = shape.height / math.hypot(shape.height, inner)
-        self.place(shape.pose)
-
-    def place(self, pose: Pose | None) -> None:
-        """Compute its box and edges anew."""
-        self.edges: list[_Edge] = []
-        self.turn = 0.0
-        self.x = self.y = math.inf
-        if pose is None:
-            self.box = _NOBODY
-            return
-        self.x, self.y, self.turn = x, y, turn = pose
-        if not self.shape.corners:
-            self.box = (x - self.radius, y - self.radius, x + self.radius, y + self.radius)
-            return
-        cosine, sine = self._scale * math.cos(turn), self._scale * math.sin(turn)
-        corners = [(x + cosine * a - sine * b, y + sine * a + cosine * b) for a, b in self.shape.corners]
-        for (start_x, start_y), (end_x, end_y) in zip(corners, corners[1:] + corners[:1], strict=True):
-            way_x, way_y = end_x - start_x, end_y - start_y
-            self.edges.append((start_x, start_y, way_x, way_y, math.hypot(way_x, way_y)))
-        across, up = zip(*corners, strict=True)
-        self.box = (min(across), min(up), max(across), max(up))
-
-
-def _sides(shape: Shape) -> list[tuple[tuple[float, float], tuple[float, float]]]:
-    return list(zip(shape.corners, shape.corners[1:] + shape.corners[:1], strict=True))
 
 
 class Rays:
@@ -177,12 +130,14 @@ class Scene:
         when nothing stands within ``matters`` mm of them, which is much quicker to see.
         """
         near = self._neighbourhood(poses, rays.farthest, reach)
-        if not _any_within(near.solids, poses, min(matters, reach + rays.farthest)):
+        straight, round_ = nearest(near.solids, poses)
+        farthest = reach + rays.farthest + _ON_THE_WAY
+        if min(straight, round_) > min(matters + _ON_THE_WAY, farthest):
             return None
         from_x, from_y, way_x, way_y = rays.placed(poses)
         found: list[tuple[Array, Array, NDArray[np.intp], Array]] = []
         columns = np.arange(rays.count)
-        if len(near.edges):
+        if straight <= farthest and len(near.edges):
             x, y, along_x, along_y, moment, shrink = near.edge_columns
             # An edge from a along e meets a ray from o along d where o + t d = a + u e; with cross products,
             # t = (a - o) x e / (d x e) and u = (a - o) x d / (d x e). Counter-clockwise edges cross a ray from
@@ -193,7 +148,7 @@ class Scene:
             t[(np.abs(u - 0.5) > 0.5) | (np.abs(t - reach / 2) > reach / 2)] = _NOWHERE
             row = t.argmin(0)
             found.append((t[row, columns], across[row, columns] * shrink[row, 0], row, u[row, columns]))
-        if len(near.discs):
+        if round_ <= farthest:
             x, y, radius = near.disc_columns
             away_x, away_y = x - from_x, y - from_y
             middle = away_x * way_x + away_y * way_y
@@ -207,6 +162,8 @@ class Scene:
             on_y = from_y + distance * way_y - y[row, 0]
             cosine = half[row, columns] / radius[row, 0]
             found.append((distance, cosine, row + len(near.edges), np.arctan2(on_y, on_x)))
+        if not found:
+            return None
         distance, cosine, row, along = found[0]
         if len(found) == 2:
             nearer = found[1][0] < distance
@@ -235,7 +192,7 @@ class Scene:
         x, y, _ = poses[-1]
         # Twice: of several poses, which lie close together, only the last is compared.
         slack = 2 * wide + farthest
-        solids = [solid for solid in self._solids if _within(solid, x, y, reach + slack)]
+        solids = [solid for solid in self._solids if is_near(solid, x, y, reach + slack)]
         edges: list[tuple[float, ...]] = []
         discs: list[tuple[float, ...]] = []
         for solid in solids:
@@ -354,7 +311,7 @@ class Scene:
             box = solid.box
             if box[0] > right or box[2] < left or box[1] > high or box[3] < low:
                 continue
-            if _beside(solid, x, y, along_x, along_y, width):
+            if beside(solid, x, y, along_x, along_y, width):
                 continue
             # The lines rise: what is low and far along them stays below.
             if solid.edges:
@@ -370,29 +327,3 @@ class Scene:
 _TOUCHING = 3.0  # mm behind a sensor at which a line of sight begins, so that what touches it hides the light
 _ON_THE_WAY = 20.0  # mm from one of several poses to any other: 20 ms at the robot's top speed
 _ROBOT = 50.0  # mm from one of several poses to a sensor at any other
-
-
-def _within(solid: Solid, x: float, y: float, reach: float) -> bool:
-    left, low, right, high = solid.box
-    return left - reach < x < right + reach and low - reach < y < high + reach
-
-
-def _any_within(solids: list[Solid], poses: Sequence[Pose], reach: float) -> bool:
-    """Whether anything stands so near to one of the poses, which lie close together."""
-    x, y, _ = poses[-1]
-    squared = (reach + _ON_THE_WAY) ** 2
-    for solid in solids:
-        left, low, right, high = solid.box
-        across = left - x if x < left else x - right if x > right else 0.0
-        up = low - y if y < low else y - high if y > high else 0.0
-        if across * across + up * up <= squared:
-            return True
-    return False
-
-
-def _beside(solid: Solid, x: float, y: float, along_x: float, along_y: float, width: float) -> bool:
-    """Whether the solid is wholly more than ``width`` beside the line through (x, y) along a unit vector."""
-    if not solid.edges:
-        return abs((solid.x - x) * along_y - (solid.y - y) * along_x) >= width + solid.radius
-    sides = [(edge[0] - x) * along_y - (edge[1] - y) * along_x for edge in solid.edges]
-    return min(sides) >= width or max(sides) <= -width

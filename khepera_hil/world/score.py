@@ -25,8 +25,8 @@ class Score:
     """Fed once a step; times in seconds since power-up, lengths in mm.
 
     ``base`` is the base's square (x0, y0, x1, y1) and ``lamp`` the foot of the homing lamp, if there are any. A
-    contact is a time in which the robot touches anything but the base's walls, while its centre is outside the
-    base; touches that are at most 50 ms apart are one contact.
+    contact is a time in which the robot touches anything but the base's walls and movers, which walk into it by
+    themselves, while its centre is outside the base; touches that are at most 50 ms apart are one contact.
     """
 
     def __init__(

@@ -8,13 +8,15 @@ only by :meth:`World.advance`.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from khepera_hil.chance import streams
+from khepera_hil.errors import WorldError
 from khepera_hil.motion import Motion
-from khepera_hil.world.arena import Arena, load_arena
+from khepera_hil.world.arena import Arena, Start, in_the_way, load_arena
 from khepera_hil.world.battery import Battery
 from khepera_hil.world.camera import Camera
 from khepera_hil.world.cast import Cast, Director
@@ -68,6 +70,8 @@ class World:
     ) -> None:
         self.arena = load_arena(arena) if isinstance(arena, str) else arena
         self.scenario = load_scenario(scenario) if isinstance(scenario, str) else scenario
+        if self.scenario is not None and self.scenario.start is not None:
+            self.arena = _started(self.arena, self.scenario.name, self.scenario.start)
         owners = streams(seed)
         furniture, proximity, light, slip, camera, textures = owners["world"].spawn(6)
         robot = np.random.default_rng(owners["robot"])
@@ -136,24 +140,28 @@ class World:
     def _step_until(self, target: int) -> None:
         wheels, physics, director, camera = self._wheels.advance, self._physics, self._director, self._camera
         score, remember, battery = self._score.step, self._history.moments.append, self.battery
-        before = self._now
+        moment = self._now
+        came_from = moment.pose
+        remembered = target - History.reach  # what is older nobody can ask for any more
         for step in range(self._steps + 1, target + 1):
             now = step * STEP
             left, right = wheels() if battery.charge > 0 else self._unpowered()
             pose = physics.advance(STEP, (left + right) / 2, (right - left) / WHEEL_BASE)
             if director.acts or now + 1e-9 >= director.next:
                 director.step(now, step, pose, self._turbine)
-            moment = Moment(step, pose, physics.movables(), director.lights)
-            remember(moment)
-            score(now, STEP, pose[:2], physics.touching > 0)
-            if step >= camera.next:
-                camera.take(moment, before.pose)
+            score(now, STEP, pose[:2], physics.touching > physics.meeting)
+            looks = director.walking and step % _STEPS_A_LOOK == 0
+            if step > remembered or looks or step >= camera.next:
+                moment = Moment(step, pose, physics.movables(), director.lights)
+                remember(moment)
+                if step >= camera.next:
+                    camera.take(moment, came_from)
+                if looks:
+                    self._look(moment, now)
             if step % _STEPS_A_RECKONING == 0:
                 self._reckon()
-            if director.walking and step % _STEPS_A_LOOK == 0:
-                self._look(moment, now)
-            before = moment
-        self._now = before
+            came_from = pose
+        self._now = moment
         self._steps = target
 
     def _unpowered(self) -> tuple[float, float]:
@@ -219,6 +227,13 @@ class World:
         """The watchman sounded its alarm now; for the score."""
         self._score.alarm(self._steps * STEP)
 
+    def in_view(self) -> set[str]:
+        """The movers that are in the camera's view now and walking (see :meth:`Score.figures`, movers_seen)."""
+        walking = self._director.walking
+        if not walking:
+            return set()
+        return {self._cast.shapes[place].name for place in self._camera.sees(self._now)} & set(walking)
+
     def due(self, *kinds: type[E]) -> list[E]:
         """Events of the scenario that concern others, each once when its moment has come: orders, link faults,
         resets (:class:`~khepera_hil.world.scenario.Order` and so on)."""
@@ -271,6 +286,16 @@ class World:
             if (place := self._now.places[number]) is not None
         ]
         return self._score.figures(things, self.battery.used_mah)
+
+
+def _started(arena: Arena, scenario: str, pose: tuple[float, float, float]) -> Arena:
+    """The arena with another start."""
+    width, depth = arena.size
+    if not (pose[0] <= width and pose[1] <= depth):
+        raise WorldError(f"scenario {scenario}: start.at_mm is not on the floor of {width:g} x {depth:g} mm")
+    if (other := in_the_way(arena, pose)) is not None:
+        raise WorldError(f"scenario {scenario}: start.at_mm has no room for the robot, since {other!r} is there")
+    return replace(arena, start=Start(pose=pose))
 
 
 def _metres(pose: Pose) -> Pose:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from brp import (
@@ -27,6 +27,7 @@ from brp import (
 )
 from brp.logs import logarithms
 from brp.plan import compiled
+from tests.brp.campaign import examples
 from tests.brp.joint import Array, Joint, distributions, spread
 
 Program = tuple[Description, Joint]
@@ -112,9 +113,11 @@ def subroutine(draw: st.DrawFn, term: Term, rng: np.random.Generator) -> tuple[F
     hidden = Variable("X0", range(3))  # the name of a variable outside, on purpose
     known, searched = [new[v] for v in term.given], [new[v] for v in term.of]
     tables: dict[Term, Array] = {}
+    forms: dict[Term, Form] = {}
+    nested = draw(st.sampled_from([0, 0, 0, 1]))  # its terms may be subroutines of their own
 
     def add(term: Term) -> None:
-        tables[term] = distributions(rng, [len(v) for v in term.of], [len(v) for v in term.given], 0.0)
+        forms[term], tables[term] = draw(form_of(term, rng, nested, 0.0))
 
     if draw(st.booleans()):  # inverse: what is known depends on what is searched, and there is a division
         add(P(*searched))
@@ -126,7 +129,7 @@ def subroutine(draw: st.DrawFn, term: Term, rng: np.random.Generator) -> tuple[F
             add(P(v))
         add(P(hidden | known))
         add(Term(tuple(searched), (*known, hidden)))
-    inner = Specification({t: Table(table) for t, table in tables.items()}, name="pi-inner").identify()
+    inner = Specification(forms, name="pi-inner").identify()
     asked = Term(tuple(searched), tuple(known))
     form = inner.ask(asked).renamed({v: k for k, v in new.items()})
     return form, Joint(tables).conditional(asked)
@@ -162,7 +165,7 @@ def check(question: Question, joint: Joint) -> None:
         np.testing.assert_allclose(run.reshape(expected.shape), expected, rtol=1e-12, atol=1e-15)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(st.data())
 def test_a_question_answers_as_the_joint_written_out_in_full(data: st.DataObject) -> None:
     program = data.draw(programs())
@@ -171,7 +174,7 @@ def test_a_question_answers_as_the_joint_written_out_in_full(data: st.DataObject
         check(description.ask(data.draw(questions(program))), joint)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.data())
 def test_a_plan_that_may_fold_nothing_answers_the_same(data: st.DataObject) -> None:
     program = data.draw(programs())

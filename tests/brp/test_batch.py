@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from brp import EvidenceError, ImpossibleEvidence, NotAValue, P, Question, Specification, Table, Uniform, Variable
 from brp.programs.fusion import L, Theta2, fusing
 from brp.programs.home import home
 from brp.programs.watchman import watchman
+from tests.brp.campaign import examples
 from tests.brp.joint import distributions
 from tests.brp.test_answers import programs
 from tests.brp.test_soft import softly
@@ -28,7 +29,7 @@ def single(question: Question, row: dict[str, Any]) -> Any:
         return None
 
 
-@settings(max_examples=80, deadline=None)
+@examples(80)
 @given(st.data())
 def test_a_batch_answers_as_its_rows_do(data: st.DataObject) -> None:
     description, _ = program = data.draw(programs())

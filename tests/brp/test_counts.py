@@ -6,7 +6,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from brp import (
@@ -26,6 +26,7 @@ from brp import (
     Variable,
 )
 from brp.factors import Density
+from tests.brp.campaign import examples
 
 A = Variable("A", range(7))
 B = Variable("B", ("red", "green", "blue"))
@@ -48,7 +49,7 @@ counting = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(counting, rows)
 def test_every_counting_form_sums_to_one_over_its_left_side(form: Form, data: list[tuple[int, str, int]]) -> None:
     specification = Specification({P(C): Uniform(), P(B): Uniform(), P(A | B, C): form})
@@ -63,7 +64,7 @@ def test_every_counting_form_sums_to_one_over_its_left_side(form: Form, data: li
             assert question(B=b, C=c).p.sum() == pytest.approx(1, abs=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(rows)
 def test_a_laplace_law_is_the_footnotes_formula(data: list[tuple[int, str, int]]) -> None:
     """Footnote 16: (1 + n_v) / (N + |V|), here of a conjunction of 21 values."""
@@ -201,7 +202,7 @@ def test_a_light_density_answers_as_its_table_does() -> None:
         np.testing.assert_allclose(question(Per=value).p, joint / joint.sum(), rtol=1e-10)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(st.floats(-500, 11_000), st.floats(0.05, 900), st.sampled_from([range(10_000), range(9_999, -1, -1)]))
 def test_a_gaussian_over_many_values_is_normalised_over_all_of_them(
     mean: float, deviation: float, values: range

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from brp import (
@@ -27,6 +27,7 @@ from brp.em import identify_hidden
 from brp.programs.home import Dir, H, Prox, Theta1, Vrot, command, home
 from brp.programs.obstacle import avoid
 from brp.programs.phototaxy import phototaxy1
+from tests.brp.campaign import examples
 
 C = Variable("C", ("one", "other"))
 A = Variable("A", range(4))
@@ -88,7 +89,7 @@ def test_two_gaussians_are_told_apart() -> None:
 naive = Specification({P(C): Histogram(), P(A | C): Histogram(), P(B | C): Histogram()})
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(
     st.lists(st.tuples(st.integers(0, 3), st.integers(0, 2)), min_size=2, max_size=30), st.integers(0, 2**32 - 1)
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from brp import (
@@ -24,6 +24,7 @@ from brp import (
     Uniform,
     Variable,
 )
+from tests.brp.campaign import examples
 
 Dir = Variable("Dir", range(-10, 11))
 Prox = Variable("Prox", range(16))
@@ -50,7 +51,7 @@ def test_data_identify_mean_and_deviation_of_every_cell() -> None:
     assert str(question) == "P(Vrot | Dir delta pi-turn)"
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(st.lists(st.tuples(st.integers(-10, 10), st.integers(0, 15), st.integers(-10, 10)), min_size=1, max_size=60))
 def test_rows_and_columns_identify_the_same_and_numpy_agrees(rows: list[tuple[int, int, int]]) -> None:
     specification = Specification(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from brp import (
@@ -25,6 +25,7 @@ from brp import (
 )
 from brp.logs import logarithms
 from brp.plan import compiled
+from tests.brp.campaign import examples
 from tests.brp.joint import Array, Joint, distributions
 
 # pi-behavior of section 9 (tables 2 to 7, the cells without a number sharing what is left of a column).
@@ -155,7 +156,7 @@ def test_a_rule_must_fit_the_question() -> None:
         sure().where_impossible(Table([0.5, 0.5]))
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(st.data())
 def test_a_filled_question_is_a_conditional_distribution_wherever_it_stands(data: st.DataObject) -> None:
     """Alone, inside a program with its known variables summed out, in a Switch, renamed, its result known."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from brp import (
@@ -23,6 +23,7 @@ from brp import (
     Uniform,
     Variable,
 )
+from tests.brp.campaign import examples
 from tests.brp.test_answers import Program, programs
 
 
@@ -31,7 +32,7 @@ def two_variables(draw: st.DrawFn) -> Program:
     return draw(programs(depth=0, zeros=0.0).filter(lambda program: len(program[0].variables) > 1))
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(two_variables())
 def test_a_conjunction_is_one_variable_times_the_other_given_it(program: Program) -> None:
     """[E3.2] for every two values, which is [E3.4]."""
@@ -47,7 +48,7 @@ def test_a_conjunction_is_one_variable_times_the_other_given_it(program: Program
         np.testing.assert_allclose(both.p[:, j], right, rtol=1e-12, atol=1e-300)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(two_variables())
 def test_an_answer_sums_to_one_and_so_do_a_value_and_all_others(program: Program) -> None:
     """[E3.5], and [E3.3] for each value."""
@@ -59,7 +60,7 @@ def test_an_answer_sums_to_one_and_so_do_a_value_and_all_others(program: Program
             np.testing.assert_allclose(answer[value] + others, 1, rtol=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(two_variables())
 def test_summing_one_of_two_variables_leaves_the_other(program: Program) -> None:
     """[E3.6], by the engine's elimination and by the answer's marginal."""
@@ -102,7 +103,7 @@ def forms(draw: st.DrawFn) -> Form:
     return draw(st.sampled_from(simple) | switches)
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(forms(), st.lists(st.tuples(st.sampled_from((3, 8)), st.integers(-3, 3)), min_size=1, max_size=20))
 def test_every_form_sums_to_one_over_its_left_side(form: Form, data: list[tuple[int, int]]) -> None:
     rows = [*data, (3, 0), (8, 1)]  # each case of a Switch has met a sample

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import brp
@@ -30,6 +30,7 @@ from brp import (
     Variable,
     simplification,
 )
+from tests.brp.campaign import examples
 
 Class = Variable("O", range(4))
 Nlt = Variable("Nlt", range(5))
@@ -90,7 +91,7 @@ def same(one: Description, other: Description, rtol: float = 1e-9) -> None:
             np.testing.assert_allclose(a(**known).p, expected, rtol=rtol, atol=1e-13)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(specifications(), st.lists(data, min_size=1, max_size=10), st.integers(1, 10), st.booleans())
 def test_learning_one_datum_at_a_time_is_identifying_with_all(
     specification: Specification, rows: list[Datum], first: int, asked: bool
@@ -104,7 +105,7 @@ def test_learning_one_datum_at_a_time_is_identifying_with_all(
     same(learnt, specification.identify(rows, name="delta"))
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(specifications(), st.lists(data, min_size=1, max_size=8), st.lists(data, min_size=1, max_size=4))
 def test_forgetting_is_the_inverse_of_learning(
     specification: Specification, rows: list[Datum], more: list[Datum]
@@ -118,7 +119,7 @@ def test_forgetting_is_the_inverse_of_learning(
     same(after, before, rtol=1e-6)  # Lrl has no whole numbers: its sums keep a rounding
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(specifications(), st.lists(st.tuples(data, st.integers(1, 3)), min_size=1, max_size=8))
 def test_a_weight_is_a_number_of_observations(specification: Specification, rows: list[tuple[Datum, int]]) -> None:
     weighed = specification.identify([datum for datum, _ in rows], weights=[weight for _, weight in rows])
@@ -179,6 +180,39 @@ def test_what_came_before_is_let_go() -> None:
         learnt = learnt.learn({"O": 2, "Nlt": 2, "Per": 7})
     gc.collect()
     assert [reference() for reference in before] == [None] * 5
+
+
+def test_what_is_kept_of_the_data_does_not_grow_with_them() -> None:
+    """Constant time and memory: the numbers that a description holds are as many after 300 data as after 3."""
+    specification = Specification({P(Class): Laplace(), P(Nlt | Class): Histogram(), P(Per | Class): Gaussian()})
+    learnt = specification.identify({"O": [1], "Nlt": [1], "Per": [30]})
+    held = []
+    for count in range(300):
+        learnt = learnt.learn({"O": count % 4, "Nlt": count % 5, "Per": count % 40})
+        if count in (2, 299):
+            held.append(numbers(learnt))
+    assert held[0] == held[1] > 0
+
+
+def numbers(description: Description) -> int:
+    """How many numbers the forms of a description hold, in arrays or otherwise."""
+    total, waiting, met = 0, [vars(description[term]) for term in description.specification.terms], set()
+    while waiting:
+        here: Any = waiting.pop()
+        if id(here) in met or isinstance(here, type | str | Variable):
+            continue
+        met.add(id(here))
+        if isinstance(here, np.ndarray):
+            total += here.size
+        elif isinstance(here, int | float):
+            total += 1
+        elif isinstance(here, dict):
+            waiting.extend(here.values())
+        elif isinstance(here, list | tuple | set):
+            waiting.extend(here)
+        elif hasattr(here, "__dict__"):
+            waiting.append(vars(here))
+    return total
 
 
 def test_a_free_form_may_begin_without_data() -> None:

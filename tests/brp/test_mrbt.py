@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -25,6 +25,7 @@ from brp import (
     Variable,
 )
 from brp.mrbt import grow, tree
+from tests.brp.campaign import examples
 
 Class = Variable("O", range(16))
 Per = Variable("Per", range(10_000))
@@ -35,7 +36,7 @@ def variation(p: NDArray[np.float64], q: NDArray[np.float64]) -> float:
     return float(np.abs(p - q).sum() / 2)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     st.lists(
         st.tuples(st.floats(0, 9999), st.floats(0.5, 3000), st.floats(0.01, 1)),
@@ -92,7 +93,7 @@ def test_a_question_over_a_large_domain_is_answered_as_a_tree() -> None:
     made = tree(description, P(Per), error=0.01, first=500)
     assert made.error <= 0.01
     assert variation(made.distribution().p, exact.p) <= made.error
-    known = tree(description, P(Per | Class), {Class: 9}, error=0.01)
+    known = tree(description, P(Per | Class), {"O": 9}, error=0.01)
     assert variation(known.distribution().p, description.ask(P(Per | Class))(O=9).p) <= known.error
     assert len(known.masses) < 2000
     assert known.error <= 0.01
@@ -100,7 +101,7 @@ def test_a_question_over_a_large_domain_is_answered_as_a_tree() -> None:
 
 def test_draws_of_a_tree_follow_it_and_take_one_uniform_number() -> None:
     """Chi square of 20 000 draws over 20 stretches; chance passes 43.8 once in 1000 (19 degrees of freedom)."""
-    made = tree(objects(), P(Per | Class), {Class: 4}, error=0.05)
+    made = tree(objects(), P(Per | Class), {"O": 4}, error=0.05)
     random, counting = np.random.default_rng(8), np.random.default_rng(8)
     drawn = np.array([made.draw(random) for _ in range(20_000)])
     counting.random(20_000)

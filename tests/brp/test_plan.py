@@ -8,7 +8,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from brp import (
@@ -30,6 +30,7 @@ from brp.order import _Search, best_order
 from brp.plan import compiled
 from brp.programs.object import Lrl, Nlt, Nrt, Per, recognise, unacquainted
 from brp.programs.watchman import pi_watchman, watchman
+from tests.brp.campaign import examples
 from tests.brp.joint import Array, Joint, distributions
 from tests.brp.test_answers import check
 
@@ -68,7 +69,7 @@ def mixtures(draw: st.DrawFn) -> Program:
     return Specification(forms, name="pi").identify(), Joint(tables), asked
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(st.data())
 def test_cases_side_by_side_answer_as_the_joint_written_out_in_full(data: st.DataObject) -> None:
     description, joint, asked = data.draw(mixtures())
@@ -114,7 +115,7 @@ def chains_and_loops(draw: st.DrawFn) -> tuple[list[frozenset[Variable]], list[V
     return [frozenset(scope) for scope in scopes], unknown
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(st.data())
 def test_the_search_finds_the_cheapest_of_all_orders(data: st.DataObject) -> None:
     scopes, unknown = data.draw(chains_and_loops())

@@ -6,7 +6,7 @@ from math import log2
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from brp import (
@@ -25,6 +25,7 @@ from brp import (
     Variable,
 )
 from brp.programs.home import Dir, H, Prox, Theta1, Vrot, home, homing
+from tests.brp.campaign import examples
 from tests.brp.joint import distributions
 
 X, Y, Z = Variable("X", range(-1, 3)), Variable("Y", range(3)), Variable("Z", ("red", "green"))
@@ -58,7 +59,7 @@ def propositions(draw: st.DrawFn, depth: int = 2) -> Proposition:
     return draw(st.sampled_from([variable < bound, variable <= bound, variable > bound, variable >= bound]))
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(st.integers(0, 2**32 - 1), propositions(), propositions())
 def test_e3_2_and_e3_3_and_what_follows_from_them(seed: int, a: Proposition, b: Proposition) -> None:
     p = joint(seed).probability
@@ -73,7 +74,7 @@ def test_e3_2_and_e3_3_and_what_follows_from_them(seed: int, a: Proposition, b: 
     assert p(~(a & b)) == pytest.approx(p(~a | ~b), rel=1e-12, abs=1e-15)
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(st.integers(0, 2**32 - 1))
 def test_e3_1_and_e3_4_to_e3_6_the_rules_of_variables(seed: int) -> None:
     d = joint(seed)

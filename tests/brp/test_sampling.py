@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from brp import (
@@ -26,10 +26,11 @@ from brp import (
     Variable,
 )
 from brp.sampling import Sampling
+from tests.brp.campaign import examples
 from tests.brp.test_answers import programs, questions
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@examples(40, derandomize=True)
 @given(st.data())
 def test_estimates_lie_within_their_errors_of_the_exact_answers(data: st.DataObject) -> None:
     """Every form, Switches and subroutines; a deviation of more than five errors is no chance."""

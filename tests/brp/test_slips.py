@@ -13,13 +13,17 @@ from brp import (
     DataError,
     Dirac,
     EvidenceError,
+    Filter,
     Form,
     Gaussian,
     Histogram,
     Laplace,
+    Nearest,
     NotAValue,
     P,
+    Prior,
     QuestionError,
+    Sampling,
     Sigmoid,
     Specification,
     SpecificationError,
@@ -30,6 +34,7 @@ from brp import (
     TooLarge,
     Uniform,
     Variable,
+    tree,
 )
 
 A, B, Prox = Variable("A", range(3)), Variable("B", range(2)), Variable("Prox", range(16))
@@ -42,6 +47,10 @@ LISTED: Any = [1]
 THREE: Any = 3
 NO_TERM: Any = A
 softly = asked.description.ask(P(A | B), soft=B)
+BOTH = Specification({P(A): Uniform(), P(B): Uniform()}, name="pi-both").identify().ask(P(A, B))()
+GAUSSIAN = Specification({P(Prox): Uniform(), P(A | Prox): Gaussian()}, name="pi-taught")
+MISSPELT: Any = "A"
+TRUTH: Any = A == 1
 
 
 @pytest.mark.parametrize(
@@ -63,6 +72,61 @@ softly = asked.description.ask(P(A | B), soft=B)
             SpecificationError,
             "no number",
         ),
+        (lambda: Variable("X", THREE), TermError, "a sequence of values in their order"),
+        (lambda: Variable("X", {1, 2}), TermError, "in their order"),
+        (lambda: Variable(THREE, [1]), TermError, "no name for a variable"),
+        (lambda: A > 0 & B, TermError, "neither true nor false"),
+        (lambda: ~A, TermError, r"write ~\(A > 0\)"),
+        (lambda: Specification(LISTED), SpecificationError, "a mapping from its terms"),
+        (lambda: GAUSSIAN.ask(P(A | Prox)), QuestionError, r"identify\(\) makes it a description"),
+        (lambda: GAUSSIAN.identify(MISSPELT), DataError, "rows of values by name"),
+        (lambda: GAUSSIAN.identify([(1, 2)]), DataError, r"datum 0 is \(1, 2\)"),  # type: ignore[list-item]
+        (lambda: GAUSSIAN.identify({"A": 1, "Prox": 2}), DataError, "1 for A, and not a column"),
+        (lambda: GAUSSIAN.identify([]).learn(THREE), DataError, "a datum is a mapping"),
+        (lambda: asked.description[P(B | A)], QuestionError, r"has no term P\(B \| A\); it has P\(B\), "),
+        (lambda: asked.description.ask(P(A | B), soft=MISSPELT), QuestionError, "^A cannot be known softly"),
+        (lambda: asked(1), EvidenceError, r"by name \(B=\), and not \(1,\)"),
+        (lambda: asked(b=1), EvidenceError, "must be told B, and not b"),
+        (lambda: asked.batch(LISTED), EvidenceError, "columns by name"),
+        (lambda: asked.probability(TRUTH, B=1), QuestionError, r"say A.is_\(value\)"),
+        (lambda: asked(B=1).marginal(), QuestionError, "at least"),
+        (lambda: asked(B=1).draw(THREE), QuestionError, "a numpy.random.Generator"),
+        (lambda: BOTH[1], QuestionError, "one value for each"),
+        (lambda: BOTH["ab"], QuestionError, "one value for each"),
+        (lambda: Gaussian(unvisited=MISSPELT), SpecificationError, "not 'A'"),
+        (lambda: Histogram(unvisited=MISSPELT), SpecificationError, "not 'A'"),
+        (lambda: Prior(0, -1), SpecificationError, "a deviation above 0"),
+        (lambda: Prior(0, 1, -1), SpecificationError, "a strength of 0 or more"),
+        (
+            lambda: (
+                Specification({P(Prox): Uniform(), P(A | Prox): Gaussian(unvisited=Nearest({"Pox": 2}))})
+                .identify({"A": [1], "Prox": [1]})
+                .ask(P(A | Prox))
+            ),
+            SpecificationError,
+            "scales Pox, which it is not given; it has Prox",
+        ),
+        (lambda: Specification({P(A): Gaussian(MISSPELT, 1)}), SpecificationError, "'A', which is no number"),
+        (
+            lambda: Specification({**EVEN, P(A | B): Gaussian(lambda B: NOTHING, 1)}),
+            SpecificationError,
+            "None, which",
+        ),
+        (lambda: Switch(MISSPELT, {}), SpecificationError, "a command variable and a mapping"),
+        (lambda: Switch(B, LISTED), SpecificationError, "a command variable and a mapping"),
+        (lambda: Specification({P(A, B): Table({1: 0.5})}), SpecificationError, "one value for each searched"),
+        (
+            lambda: Specification({P(A): Laplace()}).identify(parameters={P(A): THREE}),
+            SpecificationError,
+            "given 3, which is no form",
+        ),
+        (lambda: asked.where_impossible(THREE), QuestionError, "a form, and not 3"),
+        (lambda: asked.where_impossible(without=MISSPELT), QuestionError, "does not know A"),
+        (lambda: asked.description.ask(P(A | B), largest=16), TooLarge, "24 bytes, more than the 16 bytes"),
+        (lambda: tree(asked.description, NO_TERM), QuestionError, "wants a term"),
+        (lambda: tree(asked.description, P(A | B), {"A": 1}), EvidenceError, "must be told B, and not A"),
+        (lambda: Sampling(asked.description, NO_TERM), QuestionError, "wants a term"),
+        (lambda: Filter(asked.description, NO_TERM), QuestionError, "a mapping from what is now"),
         (lambda: asked.description.ask(NO_TERM), QuestionError, "wants a term"),
         (lambda: asked.batch({"B": "abc"}), EvidenceError, "a column of values"),
         (lambda: asked.batch({"B": 1}), EvidenceError, "a column of values"),
@@ -86,6 +150,28 @@ softly = asked.description.ask(P(A | B), soft=B)
 def test_a_slip_is_answered_with_a_sentence(slip: Callable[[], Any], refusal: type[BrpError], words: str) -> None:
     with pytest.raises(refusal, match=words):
         slip()
+
+
+def test_an_answer_is_gone_through_by_its_values_and_not_by_itself() -> None:
+    """A loop over it would ask it for 0, 1, 2 and so on."""
+    with pytest.raises(TypeError, match="not iterable"):
+        list(asked(B=1))  # type: ignore[call-overload]
+
+
+def test_what_is_looked_at_says_what_it_is() -> None:
+    """The prior of an unvisited cell and what data have made of a form are in a description's repr."""
+    taught = GAUSSIAN.identify({"A": [1, 2], "Prox": [3, 3]}, name="delta-two")
+    assert repr(P(A | B)) == "P(A | B)"
+    assert "P(A | Prox) = Gaussian(unvisited=Nearest(), floor=0.7)" in repr(GAUSSIAN)
+    assert repr(taught).startswith("Description delta-two pi-taught\n  Prox in {0..15}, 16 values\n")
+    assert "<Gaussian(unvisited=Nearest(), floor=0.7) identified from 2 samples in 1 cells>" in repr(taught)
+
+
+def test_the_cases_of_a_switch_are_told_apart() -> None:
+    cases = Switch(B, {0: Gaussian(0, 1), 1: Gaussian(2, 1)})
+    asked = Specification({P(B): Uniform(), P(A | B): cases}, name="pi").identify().ask(P(A))
+    assert "P(A | 0 pi)" in str(asked)
+    assert "P(A | 1 pi)" in str(asked)
 
 
 def test_a_variable_may_be_named_as_the_engine_names_its_own() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from brp import (
@@ -23,6 +23,7 @@ from brp import (
     Variable,
 )
 from brp.logs import logarithms
+from tests.brp.campaign import examples
 from tests.brp.joint import Array, spread
 from tests.brp.test_answers import Program, programs
 from tests.brp.test_impossible import ASKED, KNOWN, TABLES, Base
@@ -30,7 +31,7 @@ from tests.brp.test_impossible import ASKED, KNOWN, TABLES, Base
 A, B, C = Variable("A", range(3)), Variable("B", range(2)), Variable("C", ("red", "green"))
 
 
-@settings(max_examples=80, deadline=None)
+@examples(80)
 @given(st.data())
 def test_soft_evidence_weighs_the_joint_written_out_in_full(data: st.DataObject) -> None:
     description, joint = program = data.draw(programs())

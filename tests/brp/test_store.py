@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from brp import (
@@ -26,6 +26,7 @@ from brp import (
     Variable,
 )
 from brp.store import load, load_data, save, save_data
+from tests.brp.campaign import examples
 
 Dir = Variable("Dir", range(-4, 5, 2))
 H = Variable("H", ("avoidance", "phototaxy"))
@@ -149,7 +150,7 @@ def test_a_damaged_file_is_refused_with_a_sentence(damage: Any, sentence: str, t
     assert "push.json" in str(refused.value)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_no_change_of_a_byte_makes_anything_but_a_description_or_a_sentence(
     tmp_path: Path, data: st.DataObject

@@ -159,7 +159,7 @@ def page_speed(m: str, h: str, e: Evidence, theta: int) -> Row:
     else:
         aim = h == "phototaxy" or e["ProxL"] >= 8
         vrot = np.exp(normal(v, e["DirL"], 2)) if aim else avoid
-        s = 1 if e["ProxL"] < 8 else 0.5 if e["ProxL"] < 12 else 0
+        s = 1 if e["ProxL"] < 12 else 0.5 if e["ProxL"] < 15 else 0
     return np.outer(vrot, np.exp(normal(np.arange(11.0), s * c, 0.7)))
 
 

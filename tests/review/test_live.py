@@ -233,7 +233,7 @@ def test_a_window_is_opened_on_the_stream_and_nowhere_else(tmp_path: Path, monke
     while not (tmp_path / "asked").exists() or not (tmp_path / "asked").read_text():
         assert time.monotonic() < end
         time.sleep(0.05)
-    assert (tmp_path / "asked").read_text() == f"{where.stream} --port auto "
+    assert (tmp_path / "asked").read_text() == f"{where.stream} --bind 127.0.0.1 --port auto "
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])

@@ -74,7 +74,9 @@ def test_seeds_differ_and_repeat() -> None:
 
 
 def test_an_unknown_arena_is_told_which_there_are() -> None:
-    with pytest.raises(WorldError, match=r"no arena 'moon'; there are empty, furnished, objects"):
+    with pytest.raises(
+        WorldError, match=r"no arena 'moon'; there are calibration, empty, furnished, lamp, objects"
+    ):
         load_arena("moon")
 
 

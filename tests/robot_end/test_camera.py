@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from khepera_hil.emulator import Emulator
 from khepera_hil.world import Arena, World
 from khepera_hil.world.arena import Start
 from khepera_hil.world.camera import FIELD, PIXELS
@@ -110,3 +111,47 @@ def test_a_turning_robots_picture_is_smeared() -> None:
     for there in (still, turning):
         there.advance(1.0)
     assert np.abs(np.diff(turning.camera())).mean() < np.abs(np.diff(still.camera())).mean()
+
+
+@pytest.mark.parametrize(("off", "inside"), [(17.0, True), (19.0, False)])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_the_field_is_thirty_six_degrees(off: float, inside: bool, side: int) -> None:
+    # A dark post 250 mm from the lens, seen at that angle from straight ahead.
+    angle = side * math.radians(off)
+    x, y = 513 + 250 * math.cos(angle), 500 + 250 * math.sin(angle)
+    shape = box("post", "fixed", 4, 4, (x, y, angle), 80)
+    post = Shape("post", "fixed", shape.pose, 80, shape.corners, albedo=0.0)
+    with_it, without = (there.camera() for there in (world(post, plain=True), world(plain=True)))
+    assert (with_it != without) == inside
+    if inside:
+        assert np.argmin(np.subtract(with_it, without)) == pytest.approx((18 - side * off) / 36 * 63, abs=2)
+
+
+def test_a_striped_object_shows_its_stripes() -> None:
+    board = Shape("board", "fixed", (700, 500, 0), 80, ((-5, -90), (5, -90), (5, 90), (-5, 90)), stripes=(10, 20))
+    plain = Shape("board", "fixed", (700, 500, 0), 80, ((-5, -90), (5, -90), (5, 90), (-5, 90)))
+    striped, smooth = (np.array(world(thing, plain=True).camera()) for thing in (board, plain))
+    assert np.abs(np.diff(striped)).mean() > 3 * np.abs(np.diff(smooth)).mean()
+
+
+def test_every_frame_has_its_own_noise_of_four_grey_levels() -> None:
+    there = world(plain=True, at=(800, 500, 0))
+    frames = []
+    for frame in range(40, 80):  # when the exposure has settled
+        there.advance(frame * 0.2)
+        frames.append(there.camera())
+    assert np.median(np.std(frames, axis=0)) == pytest.approx(4, abs=1)
+
+
+@pytest.mark.parametrize(("code", "milliseconds"), [(0, 200), (1, 50), (2, 100), (3, 150), (4, 250), (5, 500)])
+def test_the_host_sets_how_long_a_frame_is_held(code: int, milliseconds: int) -> None:
+    robot = Emulator(World("watchman", 1), 38400)
+    robot.receive(f"T,2,U,{code}\n".encode(), 0.5)
+    assert robot.transmitted(0.6).endswith(b"t,2,u\r\n")
+    moments, frame = [], robot.world.camera()
+    for step in range(121, 601):
+        robot.advance(step * 0.005)
+        if robot.world.camera() != frame:
+            moments.append(step * 5)
+            frame = robot.world.camera()
+    assert set(np.diff(moments)) == {milliseconds}

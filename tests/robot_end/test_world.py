@@ -5,7 +5,6 @@ import math
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -18,6 +17,7 @@ from khepera_hil.world.arena import Base, LampPlan, Start
 from khepera_hil.world.scenario import Fire, Mover
 from khepera_hil.world.shapes import BODY_RADIUS, Shape, box, disc, gap
 from khepera_hil.world.wheels import WHEEL_BASE
+from tests.robot_end.bodies import closer
 
 
 def arena(
@@ -291,14 +291,6 @@ def test_shapes_and_poses_are_in_metres_and_json_able() -> None:
         assert list(pose) == pytest.approx(shapes[name]["pose"])
     assert shapes["robot"]["radius"] == pytest.approx(0.0285)
     assert all(("polygon" in shape) != ("radius" in shape) for shape in shapes.values())
-
-
-def closer(shape: Shape, less: float) -> Shape:
-    """At most ``less`` mm smaller on every side."""
-    reach = max((math.hypot(*corner) for corner in shape.corners), default=shape.radius)
-    share = 1 - less / reach
-    parts = tuple(tuple((x * share, y * share) for x, y in part) for part in shape.convex)
-    return replace(shape, corners=parts[0] if parts else (), parts=parts, radius=shape.radius * share)
 
 
 @pytest.mark.parametrize("seed", range(4))

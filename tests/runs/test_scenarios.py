@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from khepera_hil.commands.run import port_url
+from khepera_hil.commands.address import port_url
 from khepera_hil.errors import UsageError
 from khepera_hil.reading import read_manifest, read_ticks
 from tests.runs.cli import khepera_hil

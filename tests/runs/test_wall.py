@@ -22,8 +22,13 @@ import serial
 
 from tests.runs.cli import environment, khepera_hil, start
 
+CALM = ("--period", "1")
+"""A tick that makes the guard patient (1.3 s): the tests share two cores, on which the loop may be held up. It
+beats while it waits, so nearly all of that is room."""
+LONG = 60.0
 
-def line_with(process: subprocess.Popen[str], word: str, timeout: float = 60) -> str:
+
+def line_with(process: subprocess.Popen[str], word: str, timeout: float = LONG) -> str:
     """The next line of output that holds ``word``; the test fails when the output ends or stays away."""
     assert process.stdout is not None
     watchdog = threading.Timer(timeout, process.kill)
@@ -46,7 +51,7 @@ def emulator(link: Path, *more: str) -> Iterator[subprocess.Popen[str]]:
     finally:
         if process.poll() is None:
             process.terminate()
-        process.communicate(timeout=30)
+        process.communicate(timeout=LONG)
 
 
 def speeds(link: Path) -> bytes:
@@ -57,10 +62,10 @@ def speeds(link: Path) -> bytes:
 
 def test_the_same_program_drives_the_emulator_over_a_pty(tmp_path: Path) -> None:
     with emulator(tmp_path / "khepera", "--seed", "3"):
-        done = khepera_hil("--port", tmp_path / "khepera", "--duration", "3", "--json", cwd=tmp_path)
+        done = khepera_hil("--port", tmp_path / "khepera", *CALM, "--duration", "6", "--json", cwd=tmp_path)
         assert done.code == 0, done.err
         result = done.result
-        assert 0 < result["ticks"] + result["missed"] <= 30
+        assert 0 < result["ticks"] + result["missed"] <= 6
         assert result["score"] == {}
         assert result["stop"] == "duration"
         ticks = [json.loads(line) for line in (tmp_path / result["run"] / "ticks.jsonl").read_text().splitlines()]
@@ -72,11 +77,11 @@ def test_the_same_program_drives_the_emulator_over_a_pty(tmp_path: Path) -> None
 def test_a_signal_stops_the_wheels_closes_the_recording_and_is_no_failure(tmp_path: Path, number: int) -> None:
     link = tmp_path / "khepera"
     with emulator(link, "--world", "empty"):
-        process = start("--port", link, "--program", "avoid", "--json", cwd=tmp_path)
+        process = start("--port", link, *CALM, "--program", "avoid", "--json", cwd=tmp_path)
         line_with(process, "wheels")
         process.send_signal(number)
         process.send_signal(number)  # as a wrapper does that hands a Ctrl-C on
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=LONG)
         assert process.returncode == 0, err
         result = json.loads(out.splitlines()[-1])
         assert result["stop"] == "signal"
@@ -106,7 +111,7 @@ def test_a_wrong_baud_rate_is_told_as_such(tmp_path: Path) -> None:
         # and at the right one it runs
         assert (
             khepera_hil(
-                "--port", link, "--baud", "9600", "--program", "avoid", "--duration", "0.5", cwd=tmp_path
+                "--port", link, "--baud", "9600", *CALM, "--program", "avoid", "--duration", "1", cwd=tmp_path
             ).code
             == 0
         )
@@ -115,10 +120,10 @@ def test_a_wrong_baud_rate_is_told_as_such(tmp_path: Path) -> None:
 def test_a_line_that_is_cut_ends_the_run_with_a_sentence_and_a_closed_recording(tmp_path: Path) -> None:
     link = tmp_path / "khepera"
     with emulator(link) as robot:
-        process = start("--port", link, "--patience", "1", "--json", cwd=tmp_path)
+        process = start("--port", link, *CALM, "--patience", "1", "--json", cwd=tmp_path)
         line_with(process, "wheels")
         robot.kill()
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=LONG)
         assert process.returncode == 3, err
         assert err.count("\n") == 1
         result = json.loads(out.splitlines()[-1])
@@ -148,7 +153,7 @@ def the_run(folder: Path) -> Path:
     return run
 
 
-def eventually(what: Callable[[], bool], seconds: float = 60.0) -> None:
+def eventually(what: Callable[[], bool], seconds: float = LONG) -> None:
     """Something that comes by itself, however busy the machine is."""
     end = time.monotonic() + seconds
     while not what():
@@ -161,7 +166,7 @@ def test_a_terminal_that_goes_leaves_the_run_alone_and_an_order_ends_it(tmp_path
     master, slave = pty.openpty()
     with emulator(link, "--world", "empty"):
         process = subprocess.Popen(
-            [sys.executable, "-m", "khepera_hil", "--port", str(link), "--program", "avoid"],
+            [sys.executable, "-m", "khepera_hil", "--port", str(link), *CALM, "--program", "avoid"],
             stdin=slave,
             stdout=slave,
             stderr=slave,
@@ -178,12 +183,11 @@ def test_a_terminal_that_goes_leaves_the_run_alone_and_an_order_ends_it(tmp_path
         run = the_run(tmp_path)
         eventually(lambda: any("SIGHUP" in text for tick in ticks(run) for _, text in tick["events"]))
         heard = next(n for n, tick in enumerate(ticks(run)) if any("SIGHUP" in text for _, text in tick["events"]))
-        eventually(lambda: len(ticks(run)) > heard + 5)
-        assert ticks(run)[-1]["command"]
+        eventually(lambda: any(tick["command"] for tick in ticks(run)[heard + 1 :]))
         assert process.poll() is None
         done = khepera_hil("order", "stop", cwd=tmp_path)
         assert done.code == 0, done.err
-        assert process.wait(30) == 0
+        assert process.wait(LONG) == 0
         assert manifest(run)["ending"]["stop"] == "order"
         assert not (run / "orders.sock").exists()
 
@@ -191,13 +195,13 @@ def test_a_terminal_that_goes_leaves_the_run_alone_and_an_order_ends_it(tmp_path
 def test_an_order_that_the_program_does_not_know_is_refused_in_a_sentence(tmp_path: Path) -> None:
     link = tmp_path / "khepera"
     with emulator(link, "--world", "empty"):
-        process = start("--port", link, "--program", "avoid", cwd=tmp_path)
+        process = start("--port", link, *CALM, "--program", "avoid", cwd=tmp_path)
         line_with(process, "wheels")
         done = khepera_hil("order", "vigil", "on", cwd=tmp_path)
         assert done.code == 8
         assert done.err == "khepera-hil: avoid knows no order 'vigil on'; it takes stop and resume\n"
         assert khepera_hil("order", "--run", the_run(tmp_path), "stop", cwd=tmp_path).code == 0
-        process.communicate(timeout=30)
+        process.communicate(timeout=LONG)
         assert [tick["orders"] for tick in ticks(the_run(tmp_path)) if tick["orders"]] == [["vigil on"], ["stop"]]
 
 
@@ -214,11 +218,11 @@ def test_a_run_that_is_killed_or_held_up_leaves_wheels_that_stand_still(tmp_path
     """The same as a hundred times: python -m benchmarks.guard."""
     link = tmp_path / "khepera"
     with emulator(link, "--world", "empty"):
-        process = start("--port", link, "--program", "avoid", cwd=tmp_path)
+        process = start("--port", link, *CALM, "--program", "avoid", cwd=tmp_path)
         try:
             line_with(process, "wheels")
             run = the_run(tmp_path)
-            eventually(lambda: len(ticks(run)) > 3)
+            eventually(lambda: len(ticks(run)) > 2)
             process.send_signal(number)
             left = run / "guard.jsonl"
             eventually(lambda: left.exists() and left.read_text().endswith("\n"))
@@ -228,28 +232,28 @@ def test_a_run_that_is_killed_or_held_up_leaves_wheels_that_stand_still(tmp_path
             assert numbers == list(range(len(numbers)))
             if number == signal.SIGSTOP:
                 process.send_signal(signal.SIGCONT)
-                _, err = process.communicate(timeout=30)
+                _, err = process.communicate(timeout=LONG)
                 assert process.returncode == 7
                 assert "the guard has stopped the wheels" in err.splitlines()[-1]
                 assert manifest(run)["ending"]["state"] == "stopped"
             else:
-                process.communicate(timeout=30)
+                process.communicate(timeout=LONG)
             eventually(lambda: speeds(link) == b"e,0,0\r\n")  # what is left is their own inertia, and that ends
         finally:
             process.kill()
-            process.communicate(timeout=30)
+            process.communicate(timeout=LONG)
 
 
 def test_an_emulator_that_dies_and_comes_back_is_found_and_waits_for_the_order_to_resume(tmp_path: Path) -> None:
     link = tmp_path / "khepera"
     with emulator(link, "--world", "empty") as first:
-        process = start("--port", link, "--program", "avoid", cwd=tmp_path)
+        process = start("--port", link, *CALM, "--program", "avoid", cwd=tmp_path)
         try:
             line_with(process, "wheels")
             run = the_run(tmp_path)
-            eventually(lambda: len(ticks(run)) > 10)
+            eventually(lambda: len(ticks(run)) > 2)
             first.terminate()
-            first.wait(30)
+            first.wait(LONG)
             eventually(lambda: ticks(run)[-1]["state"] == "disconnected")
             with emulator(link, "--world", "empty"):
                 eventually(lambda: ticks(run)[-1]["state"] == "ready")
@@ -258,7 +262,7 @@ def test_an_emulator_that_dies_and_comes_back_is_found_and_waits_for_the_order_t
                 assert done.code == 0, done.err
                 eventually(lambda: bool(ticks(run)[-1]["evidence"]))
                 process.terminate()
-                _, err = process.communicate(timeout=30)
+                _, err = process.communicate(timeout=LONG)
                 assert process.returncode == 0, err
             numbers = [tick["tick"] for tick in ticks(run)]
             assert numbers == list(range(len(numbers)))
@@ -266,7 +270,7 @@ def test_an_emulator_that_dies_and_comes_back_is_found_and_waits_for_the_order_t
             assert not (run / "guard.jsonl").exists()
         finally:
             process.kill()
-            process.communicate(timeout=30)
+            process.communicate(timeout=LONG)
 
 
 def test_a_port_without_a_descriptor_has_no_guard_and_says_so(tmp_path: Path) -> None:

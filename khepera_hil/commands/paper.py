@@ -1,0 +1,109 @@
+"""``khepera-hil paper``: the paper's experiments, sections 5 to 10: run, measured, shown."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from khepera_hil.commands.parser import Parser, existing_name, number
+from khepera_hil.errors import UsageError
+from khepera_hil.experiments import watchman
+from khepera_hil.experiments.campaign import progress_stream, run
+from khepera_hil.experiments.experiment import Experiment, Report
+from khepera_hil.experiments.registry import EXPERIMENTS
+
+__all__ = ["main"]
+
+EPILOG = """\
+Each prints its figures with 95 % intervals, beside what the paper says and what is to be reached, and leaves
+pictures and a recording for rerun in its folder. Ctrl-C interrupts; the same command goes on where it was.
+
+examples:
+  khepera-hil paper --list
+  khepera-hil paper push avoid --seeds 20
+  khepera-hil paper all --seeds 100 --json
+"""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the experiments that were asked for, one after the other."""
+    asked = _parser().parse_args(arguments)
+    if asked.list:
+        for experiment in EXPERIMENTS.values():
+            print(f"  {experiment.name:11} {experiment.about} (section {experiment.section})")
+        return 0
+    names = list(EXPERIMENTS) if asked.names == ["all"] else asked.names
+    if not names:
+        raise UsageError("say which experiment, or all; khepera-hil paper --list has them")
+    for name in names:
+        existing_name("experiment", name, list(EXPERIMENTS))
+    seeds = range(asked.first, asked.first + asked.seeds)
+    found: dict[str, Any] = {}
+    try:
+        for name in names:
+            experiment = EXPERIMENTS[name]
+            if name == "watchman" and (asked.hours or asked.nights is not None):
+                experiment = watchman.experiment(asked.hours, asked.nights or 0, asked.record)
+            found[name] = _one(experiment, seeds, asked)
+    except KeyboardInterrupt:
+        print("interrupted: what was measured is kept, the same command goes on from there", file=sys.stderr)
+        return 130
+    if asked.json:
+        figures = {figure: row for one in found.values() for figure, row in one["figures"].items()}
+        print(json.dumps({"experiments": found, "figures": figures, "seeds": [seeds[0], seeds[-1]]}))
+    return 0
+
+
+def _one(experiment: Experiment, seeds: range, asked: argparse.Namespace) -> dict[str, Any]:
+    began = time.monotonic()
+    folder = asked.out / experiment.name
+    if asked.fresh:
+        (folder / "results.jsonl").unlink(missing_ok=True)
+    cases = experiment.cases(seeds)
+    results = run(experiment.name, experiment.trial, cases, folder, workers=asked.jobs, progress=progress_stream())
+    report = experiment.report(cases, results)
+    _print(experiment, seeds, report)
+    files = [] if asked.no_show else [str(path) for path in experiment.show(folder)]
+    for path in files:
+        print(f"  to look at: {path}")
+    took = time.monotonic() - began
+    print(f"  {len(cases)} trials, {took:.0f} s\n", flush=True)
+    prefix = f"{experiment.name}: "
+    return {"figures": {prefix + figure.name: figure.row() for figure in report.figures}, "files": files}
+
+
+def _print(experiment: Experiment, seeds: range, report: Report) -> None:
+    print(f"{experiment.name}: {experiment.about} (section {experiment.section}), seeds {seeds[0]} to {seeds[-1]}")
+    for figure in report.figures:
+        print(figure.line())
+    for line in report.lines:
+        print(line)
+
+
+def _parser() -> Parser:
+    parser = Parser("khepera-hil paper", "The paper's experiments, sections 5 to 10.", EPILOG)
+    add = parser.add_argument
+    add("names", nargs="*", metavar="NAME", help="see --list; or all")
+    add("--list", action="store_true", help="list the experiments, and end")
+    add("--seeds", type=_count, default=5, metavar="N", help="how many (default: %(default)s)")
+    add("--first", type=_count, default=1, metavar="SEED", help="the first of them (default: %(default)s)")
+    add("--hours", type=number(0, 10_000, "hours"), default=0.0, help="watchman: so long a fair, in three days")
+    add("--nights", type=_count, metavar="N", help="watchman: so many short nights")
+    add("--record", type=Path, metavar="DIR", help="watchman: record the fair's days there")
+    add("--jobs", type=_count, metavar="N", help="processes at a time (default: one for each core)")
+    add("--out", type=Path, default=Path("runs/paper"), metavar="DIR", help="(default: %(default)s)")
+    add("--fresh", action="store_true", help="measure anew what was measured before")
+    add("--no-show", action="store_true", help="figures only, no pictures and recordings")
+    add("--json", action="store_true", help="the last line on standard output is all figures as one JSON object")
+    return parser
+
+
+def _count(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 100_000:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number from 1 to 100000")
+    return int(text)

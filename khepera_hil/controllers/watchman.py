@@ -1,0 +1,222 @@
+"""The night watchman (section 10): 41 variables, 12 descriptions, four levels, one question, ten times a second.
+
+Each tick: the 33 sensory variables, from the readings, the operator's orders and the memory; the questions (see
+`watchman_mind`); the draws; wheels, turbine and alarm; the memory. What is known here and in no description stands
+in ``docs/watchman.md``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import cast
+
+import numpy as np
+
+from brp import BrpError, Distribution, P, Question, Value
+from brp.programs.base import at_base
+from brp.programs.beacon import locate_beacon
+from brp.programs.behavior import behavior, steadier
+from brp.programs.object import Lrl, Nlt, Nrt, O, Per, recognised, unacquainted
+from brp.programs.watchman import pi_watchman
+from khepera_hil.controllers.base import USUAL, VTRANS, Decision, Setting, wheels
+from khepera_hil.controllers.watchman_body import AT_REST, Body
+from khepera_hil.controllers.watchman_memory import Drawn
+from khepera_hil.controllers.watchman_mind import FILLED, MOTORS, Mind, Thought, filled
+from khepera_hil.controllers.watchman_whole import WholeMind
+from khepera_hil.errors import OrderRefused
+from khepera_hil.perception import LightAhead, Need, Obstacle, Odometry, Readings, Tour
+from khepera_hil.perception.base import Surroundings
+from khepera_hil.perception.energy import VOLTAGE, Energy
+from khepera_hil.perception.fire import Fire
+from khepera_hil.perception.movement import Movement
+
+__all__ = ["Watchman", "controller"]
+
+CAMERA: tuple[int | str, ...] = (2, "T")
+"""Every fourth pixel: all 64 in each tick do not fit onto the wire beside the sensors."""
+
+_ENERGY = ("I", VOLTAGE)
+_EVERY = 10  # ticks from one reading of the battery's voltage to the next
+_TOUR = ("Nlt", "Nrt", "Per", "Lrl")
+_STILL = 1  # pulses that a wheel which stands still may creep in a tick
+_SECOND = 10  # ticks
+_LONGEST = 900  # ticks of following after which there is no object to be gone round
+
+
+class Watchman:
+    """The controller. ``setting.early`` names what is drawn before the motors, ``setting.memory`` what is kept."""
+
+    name = "watchman"
+    decides = MOTORS
+    at_rest = AT_REST
+    """What is commanded when the run is over and the wheels stand still."""
+    needs: Sequence[str | Need] = (
+        Need("I", (VOLTAGE,), every=_EVERY),
+        "H",
+        Need("T", CAMERA),
+        "O",
+        "N",
+    )
+
+    def __init__(self, setting: Setting = USUAL) -> None:
+        self.vigil = self.identify = False
+        """The operator's orders."""
+        self.energy = Energy()
+        self.fire = Fire()
+        self.movement = Movement()
+        self._surroundings, self._obstacle, self._ahead = Surroundings(), Obstacle(), LightAhead()
+        self._odometry, self._tour = Odometry(), Tour()
+        self._memory = Drawn()
+        self._body = Body()
+        self._knowing = unacquainted
+        temporal = behavior if setting.stay == USUAL.stay else steadier(setting.stay)
+        watching = pi_watchman(locate=locate_beacon, behavior=temporal).identify()
+        self._mind = WholeMind() if setting.memory == "whole" else Mind(watching, setting.early)
+        self._recognise = self._knowing.ask(P(O | Nlt, Nrt, Per, Lrl))
+        self._last_tour = dict.fromkeys(_TOUR, 0)
+        self._counters: tuple[int, int] | None = None
+        self._followed = 0
+        self._unfilled, self._heaviest = _SECOND, 0.0
+
+    @property
+    def questions(self) -> Mapping[str, Question]:
+        """What it asks each tick, and P(O | ...) after a tour."""
+        return {**self._mind.questions, "O": self._recognise}
+
+    def order(self, words: str) -> str:
+        """``vigil on``, ``vigil off``, ``vigil`` (the other way), and the same of ``identify``."""
+        name, _, how = words.partition(" ")
+        if name not in ("vigil", "identify") or how not in ("", "on", "off"):
+            raise OrderRefused(f"the watchman takes vigil on|off and identify on|off, not {words!r}")
+        now = self.vigil if name == "vigil" else self.identify
+        # Recognition ends by itself, so that identify alone always means to begin.
+        wanted = how == "on" or (how == "" and (name == "identify" or not now))
+        if name == "vigil":
+            self.vigil = wanted
+        else:
+            self.identify = wanted
+            self._followed = 0
+        return f"{name} is {'on' if wanted else 'off'}"
+
+    def step(self, readings: Readings, rng: np.random.Generator) -> Decision:
+        """Sense, ask, draw, act, remember."""
+        events: list[tuple[str, str]] = []
+        evidence, clipped = self._sensed(readings, events)
+        thought = self._think(evidence, rng)
+        self._fill(filled(evidence, thought.answers["Base"]), events)
+        self._memory.keep(thought.behavior, thought.move)
+        if evidence["Tour"] == "done":
+            thought.answers["O"] = self._recognised(events)
+        self._give_up_identifying(events)
+        alarm = self._alarmed(readings, events)
+        vrot, vtrans = cast(int, thought.draws["Vrot"]), cast(int, thought.draws["Vtrans"])
+        left, right = wheels(vrot, vtrans)
+        commands = self._body.step(blow=self._memory.move == "blow", alarm=alarm)
+        return Decision(evidence, thought.answers, thought.u, thought.draws, left, right, clipped, events, commands)
+
+    def _think(self, evidence: dict[str, Value], rng: np.random.Generator) -> Thought:
+        if isinstance(self._mind, WholeMind):
+            return self._mind.think(evidence, rng, arrived=self.fire.arrived)
+        return self._mind.think(evidence, rng)
+
+    def _fill(self, weight: float, events: list[tuple[str, str]]) -> None:
+        """An event when impossible rows weigh; at most one a second, with the most that they weighed."""
+        self._unfilled += 1
+        self._heaviest = max(self._heaviest, weight)
+        if self._heaviest > FILLED and self._unfilled >= _SECOND:
+            events.append(("info", f"pi-behavior asked without Behavior_t-1, for {self._heaviest:.0%} of P(Base)"))
+            self._unfilled, self._heaviest = 0, 0.0
+
+    def _sensed(self, readings: Readings, events: list[tuple[str, str]]) -> tuple[dict[str, Value], dict[str, int]]:
+        """The 33 sensory variables."""
+        around, near, ahead = (sense.step(readings) for sense in (self._surroundings, self._obstacle, self._ahead))
+        evidence: dict[str, Value] = dict(around.values)
+        way, heading = self._odometry.way, self._odometry.heading
+        self._odometry.step(readings)
+        base = at_base(**{name: evidence[name] for name in _SIXTEEN})[True]
+        fire = self.fire.step(
+            readings.light,
+            aim=ahead.values["DirL"],
+            near=ahead.values["ProxL"],
+            prox=near.values["Prox"],
+            base=base,
+            way=self._odometry.way - way,
+            turn=self._odometry.heading - heading,
+            move=self._memory.move,
+        )
+        events += [("info", text) for text in self.fire.events]
+        volts = readings.answers.get(_ENERGY)
+        tour = self._toured(readings, near.values["Prox"])
+        evidence |= {
+            "Vigil": self.vigil,
+            "Energy": self.energy.step(None if volts is None else int(volts[0])),
+            "Fire": fire,
+            "Identify": self.identify,
+            **self._memory.evidence(arrived=self.fire.arrived),
+            "Tour": tour,
+            "Dir": near.values["Dir"],
+            "Prox": near.values["Prox"],
+            "DirL": ahead.values["DirL"],
+            "ProxL": self.fire.near(ahead.values["ProxL"]),
+            "Vtrans_c": VTRANS,
+            **self._last_tour,
+        }
+        return evidence, {**around.clipped, **near.clipped}
+
+    def _toured(self, readings: Readings, prox: int) -> str:
+        """Tour; it is done in one tick, and only while the robot follows a contour."""
+        if self._memory.move != "follow":
+            self._tour = Tour()
+            return "undone"
+        percept = self._tour.step(readings, near=prox > 0)
+        if not percept.values:
+            return "undone"
+        self._last_tour = dict(percept.values)
+        return "done"
+
+    def _recognised(self, events: list[tuple[str, str]]) -> Distribution:
+        """Say what was gone round, learn it, and end the order."""
+        tour = self._last_tour
+        answer = self._recognise(**tour)
+        said = " ".join(f"{name} {value}" for name, value in tour.items())
+        self.identify = False
+        try:
+            o = recognised(self._knowing, tour)
+        except BrpError as error:
+            events.append(("warning", f"not learnt: {error}"))
+            return answer
+        new = answer.best() == 0
+        events.append(("info", f"{'a new object, from now on' if new else 'this is object'} {o} ({said})"))
+        self._knowing = self._knowing.learn({"O": o, **tour})
+        self._recognise = self._knowing.ask(P(O | Nlt, Nrt, Per, Lrl))
+        return answer
+
+    def _give_up_identifying(self, events: list[tuple[str, str]]) -> None:
+        if not self.identify:
+            return
+        self._followed += self._memory.move == "follow"
+        if self._followed >= _LONGEST:
+            self.identify = False
+            self._followed = 0
+            events.append(("info", f"no object was gone round in {_LONGEST / 10:g} s; identify is off"))
+
+    def _alarmed(self, readings: Readings, events: list[tuple[str, str]]) -> bool:
+        """Whether something moves: looked for while patrol stops."""
+        left, right = (int(value) for value in readings.answers[("H",)])
+        before, self._counters = self._counters, (left, right)
+        standing = before is not None and max(abs(left - before[0]), abs(right - before[1])) <= _STILL
+        frame = readings.answers.get(("T", *CAMERA))
+        looking = self._memory.behavior == "patrol" and self._memory.move == "stop"
+        pixels = None if frame is None else [int(value) for value in frame[1:]]
+        if not self.movement.step(pixels, standing=standing and looking):
+            return False
+        events.append(("alarm", "something moves"))
+        return True
+
+
+_SIXTEEN = tuple(v.name for v in at_base.known)
+
+
+def controller(setting: Setting = USUAL) -> Watchman:
+    """E10.3 on the robot, decided late."""
+    return Watchman(setting)

@@ -1,0 +1,1 @@
+"""The night watchman on the robot (sections 9 and 10)."""
