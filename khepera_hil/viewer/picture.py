@@ -51,7 +51,7 @@ def headless(files: Sequence[Path], size: tuple[int, int]) -> Iterator[Any]:
     # A home of its own: what somebody changed in their viewer does not change the picture.
     with tempfile.TemporaryDirectory() as home:
         process = program.start(
-            [*files, *arguments], {"HOME": home, "XDG_DATA_HOME": home, **program.software_rendering()}
+            [*files, *arguments], environment={"HOME": home, "XDG_DATA_HOME": home, **program.software_rendering()}
         )
         try:
             yield _connected(process, port)

@@ -42,11 +42,11 @@ wait $viewer
 
 
 def start(
-    arguments: Sequence[str | Path], environment: Mapping[str, str] | None = None, *, outlives: bool = False
+    arguments: Sequence[str | Path], *, outlives: bool = False, environment: Mapping[str, str] | None = None
 ) -> subprocess.Popen[bytes]:
     """Run it in a session of its own, so that Ctrl-C here does not end it, with nothing of it on our terminal.
 
-    ``environment`` adds to ours. Unless it ``outlives`` us it ends with this process, even where that is killed.
+    Unless it ``outlives`` us it ends with this process, even where that is killed.
     """
     command = [program(), *map(str, arguments)]
     return subprocess.Popen(

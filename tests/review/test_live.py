@@ -85,7 +85,7 @@ def test_a_viewer_may_come_late_stand_still_and_go(live: tuple[Address, LiveView
         follower.offer(next(ticks))
     port = program.free_port("127.0.0.1")
     viewer = program.start(
-        [where.stream, "--headless", "--bind", "127.0.0.1", "--port", str(port)], software_rendering()
+        [where.stream, "--headless", "--bind", "127.0.0.1", "--port", str(port)], environment=software_rendering()
     )
     try:
         assert seen(ViewerClient, port) == {"run_time", "tick", "wall_clock"}
