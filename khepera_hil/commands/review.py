@@ -122,8 +122,9 @@ def _picture(asked: argparse.Namespace, run: Run, shown: list[Path]) -> None:
 
 def _serve(run: Run, where: Address, shown: list[Path]) -> None:
     arguments = ["--serve-web", "--bind", where.host, "--web-viewer-port", str(where.web_port)]
-    for which in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(which, signal.default_int_handler)  # whatever ends us ends the server too
+    # Whatever ends us ends the server too; a shell that starts us in the background has SIGINT ignored.
+    for which in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(which, signal.default_int_handler)
     process = start([*shown, *arguments, "--port", str(where.grpc_port)])
     print(f"{run.name} at {where.page}; Ctrl-C ends it", flush=True)
     try:
