@@ -97,7 +97,7 @@ def main(arguments: Sequence[str]) -> int:
         ended = serve(endpoint, emulator, stop=stop, watch=watch)
     if emulator.faults.counts:
         print("faults: " + ", ".join(f"{kind} {n}" for kind, n in sorted(emulator.faults.counts.items())))
-    print(scored(world.score()))
+    print(f"score: {scored(world.score())}")
     if diary is None:
         return 0
     diary.close(ended)

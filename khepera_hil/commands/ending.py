@@ -58,7 +58,7 @@ def finish(recording: Recording, service: Service, witness: Any, *, as_json: boo
     if ending["faults"]:
         print("faults: " + ", ".join(f"{kind} {number}" for kind, number in sorted(ending["faults"].items())))
     if ending["score"]:
-        print(scored(ending["score"]))
+        print(f"score: {scored(ending['score'])}")
     print(f"recorded in {recording.folder}; to look at it: {called('khepera-hil')} review {recording.folder}")
     if as_json:
         about = {name: recording.manifest[name] for name in ("program", "seed")}

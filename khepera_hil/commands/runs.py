@@ -8,6 +8,7 @@ from typing import Any
 
 from khepera_hil.commands.parser import Parser
 from khepera_hil.commands.recorded import add_runs
+from khepera_hil.commands.scored import scored
 from khepera_hil.errors import RecordingError
 from khepera_hil.reading import Run, recorded
 
@@ -63,7 +64,7 @@ def _table(found: list[dict[str, Any]]) -> None:
     for line in found:
         if "damaged" in line:
             continue
-        score = ", ".join(f"{name} {value}" for name, value in line["score"].items())
+        score = scored(line["score"])
         told = (line["run"], line["program"], str(line["seed"]), f"{line['length_s']:.1f} s", line["ended"], score)
         rows.append(told)
     widths = [max(len(row[i]) for row in rows) for i in range(5)]
