@@ -170,9 +170,14 @@ def logarithms(
 
 
 def _first(here: Node, without: set[Variable]) -> tuple[Variable, ...]:
-    """The rest of a node's scope, by first appearance in its leaves."""
-    seen = (v for n in postorder(here) if isinstance(n, Leaf) for v in n.density.scope)
-    return tuple(dict.fromkeys(v for v in seen if v in here.scope and v not in without))
+    """The rest of a node's scope, by first appearance in its leaves and in what its cases are told apart by."""
+    seen: dict[Variable, None] = {}
+    for node in postorder(here):
+        if isinstance(node, Leaf):
+            seen.update(dict.fromkeys(node.density.scope))
+        elif isinstance(node, Split | Soft):
+            seen[node.variable] = None
+    return tuple(v for v in seen if v in here.scope and v not in without)
 
 
 def _splits(here: Sum) -> bool:

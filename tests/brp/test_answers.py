@@ -186,3 +186,20 @@ def test_a_plan_that_may_fold_nothing_answers_the_same(data: st.DataObject) -> N
         patch.setattr("brp.order.DEAR", data.draw(st.sampled_from([0, 10**6])))
         patch.setattr("brp.logs.BLOCK", data.draw(st.sampled_from([0, 10**6])))
         check(program[0].ask(term), program[1])
+
+
+def test_logarithms_know_what_only_tells_the_cases_of_a_question_apart() -> None:
+    a, b, c = (Variable(name, range(2)) for name in "ABC")
+    inner = Specification(
+        {
+            P(a): Table([0.3, 0.7]),
+            P(b): Uniform(),
+            P(c | (a, b)): Switch(b, {0: Table([[0.2, 0.6], [0.8, 0.4]]), 1: Table([[0.9, 0.5], [0.1, 0.5]])}),
+        },
+        name="inner",
+    ).identify(name="delta")
+    outer = Specification({P(b): Table([0.4, 0.6]), P(c): Uniform(), P(a | (b, c)): inner.ask(P(a | (b, c)))})
+    question = outer.identify().ask(P((b, c) | a))
+    for place in range(2):
+        logs = logarithms(question.simplified.start, question.searched, {a: place})
+        np.testing.assert_allclose(np.exp(logs), question(A=place).p, rtol=1e-12)
