@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brp.expression import Conditional, Leaf, Node, Otherwise, Product, Slice, Soft, Split, Sum, climb, postorder
+from brp.expression import Conditional, Leaf, Node, Otherwise, Product, Slice, Soft, Split, Sum, climb
 from brp.factors import Density
 from brp.variables import Variable, cells
 
@@ -43,8 +43,17 @@ def logarithms(
     ``rows``, a variable that numbers rows of evidence, known places are arrays of shape ``(len(rows),)``,
     weights of shape ``(len(rows), values)``.
     """
-    fixed = dict(known or {})
-    weights = soft or {}
+    return _spread(_part(start, dict(known or {}), without, soft or {}, rows), tuple(order))
+
+
+def _part(
+    start: Node,
+    fixed: Mapping[Variable, Any],
+    without: frozenset[Density],
+    weights: Mapping[Variable, Logs],
+    rows: Variable | None,
+) -> Part:
+    """:func:`logarithms` with the axes that come, in the order in which they come."""
     rank: dict[Variable, int] = {}
     done: dict[int, Part] = {}
 
@@ -97,11 +106,12 @@ def logarithms(
             own = {v: place for v, place in fixed.items() if v in here.variables}
             if own:
                 others = {v: place for v, place in fixed.items() if v not in own}
-                free = (*here.variables, *_first(here, {*others, *here.variables}))
+                whole = _part(here, others, without, weights, rows)
+                free = (*here.variables, *(v for v in whole[0] if v not in here.variables and v != rows))
                 if rows is not None:
                     free = (rows, *free)
                     own[rows] = np.arange(len(rows))
-                inside = np.broadcast_to(logarithms(here, free, others, without, soft, rows), tuple(map(len, free)))
+                inside = np.broadcast_to(_spread(whole, free), tuple(map(len, free)))
                 # Where rows are chosen by arrays, their axis is the first of what comes out.
                 left = tuple(v for v in free if v not in own)
                 part = left if rows is None else (rows, *left), inside[tuple(own.get(v, slice(None)) for v in free)]
@@ -165,19 +175,7 @@ def logarithms(
         spread = np.broadcast_arrays(*(_spread(part, axes) for part in parts))
         return axes, np.logaddexp.reduce(np.stack(spread), axis=0)
 
-    axes, logs = climb(task, start)
-    return _spread((axes, logs), tuple(order))
-
-
-def _first(here: Node, without: set[Variable]) -> tuple[Variable, ...]:
-    """The rest of a node's scope, by first appearance in its leaves and in what its cases are told apart by."""
-    seen: dict[Variable, None] = {}
-    for node in postorder(here):
-        if isinstance(node, Leaf):
-            seen.update(dict.fromkeys(node.density.scope))
-        elif isinstance(node, Split | Soft):
-            seen[node.variable] = None
-    return tuple(v for v in seen if v in here.scope and v not in without)
+    return climb(task, start)
 
 
 def _splits(here: Sum) -> bool:
