@@ -55,7 +55,8 @@ def run(
     """The result of each case, in the cases' order.
 
     ``trial`` is a module's own function (it is sent to other processes) and depends on nothing but its case and the
-    code. Raises KeyboardInterrupt after the results that were there have been kept.
+    code. Raises what a trial raised, after what was under way has ended and been kept, and KeyboardInterrupt after
+    the results that were there have been.
     """
     keys = [_key(case) for case in cases]
     known = _known(folder / _LOG, set(keys))
@@ -94,6 +95,7 @@ def _work(
     with log, ProcessPoolExecutor(min(workers, len(waiting)), initializer=_deaf) as pool:
         running: dict[Future[Result], str] = {}
         todo = iter(waiting.items())
+        error: BaseException | None = None
         try:
             while True:
                 while len(running) < 2 * workers and (following := next(todo, None)) is not None:
@@ -102,6 +104,13 @@ def _work(
                     break
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     key = running.pop(future)
+                    if future.cancelled():
+                        continue
+                    if (wrong := future.exception()) is not None:
+                        error, todo = error or wrong, iter(())
+                        for other in running:
+                            other.cancel()  # what is under way cannot be, and is kept when it is done
+                        continue
                     known[key] = future.result()
                     done += 1
                     row = {"code": fingerprint(), "case": key, "result": known[key]}
@@ -114,6 +123,8 @@ def _work(
             raise
         finally:
             tell("\n")
+    if error is not None:
+        raise error
 
 
 def _deaf() -> None:
