@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["Cluster"]
 
 _PATIENCE = 5.0
-"""Seconds for a scheduler to answer, and for its workers to say which code they have."""
+"""Seconds for a scheduler to answer, and for its first worker to come."""
 
 _LOOK = 1.0
 """Seconds between looks at who is there."""
@@ -54,6 +54,7 @@ class Cluster:
         self._ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
         self._looked = -math.inf
         self._known: list[str] = []
+        self._workers_there = 0
         self._there = True
         try:
             self._first_workers()
@@ -73,14 +74,16 @@ class Cluster:
         """How many more cases can be tried at this moment: one for each worker, so that none waits behind one that
         will kill its worker.
         """
-        able = len(self._able())
+        able = bool(self._able())
         if self._there and not able:
             self._say("there are no workers any more; it goes on when some come")
-        self._there = bool(able)
-        return able - len(self._running)
+        self._there = able
+        return self._workers_there - len(self._running) if able else 0
 
     def start(self, case: str) -> None:
-        """Try it on one of the workers that have this code, or on one that has taken its place meanwhile."""
+        """Try it on any worker: one with other code hands it back. (A case that is for certain workers only would
+        wait for ever when they die, whoever takes their place.)
+        """
         future = self._client.submit(
             _task,
             self._trial.module,
@@ -88,8 +91,6 @@ class Cluster:
             case,
             self._code,
             pure=False,
-            workers=self._able(),
-            allow_other_workers=True,
         )
         self._running[future] = case
         future.add_done_callback(self._ended.put)
@@ -125,8 +126,9 @@ class Cluster:
             return Ended(case, error=error)
         worker, result, wrong = said
         if wrong is not None:
-            self._workers[worker], self._looked = wrong, -math.inf
-            self._say(f"not used: {wrong}")
+            if self._workers.get(worker) is None:
+                self._workers[worker], self._looked = wrong, -math.inf
+                self._say(f"not used: {wrong}")
             return Ended(case)
         return Ended(case, result)
 
@@ -139,6 +141,8 @@ class Cluster:
         if new := set(threads) - set(self._workers):
             answers = self._client.run(_is, self._trial.module, workers=sorted(new), on_error="return", nanny=False)
             for worker, answer in answers.items():
+                if isinstance(answer, OSError):
+                    continue  # it went as it was asked; if it is still there it is asked again
                 self._workers[worker] = wrong = self._wrong(worker, answer)
                 if wrong is not None:
                     self._say(f"not used: {wrong}")
@@ -147,6 +151,7 @@ class Cluster:
                         f"the worker at {worker} has {threads[worker]} threads and tries one case at a time; "
                         "dask worker --nthreads 1 --nworkers N has N processes"
                     )
+        self._workers_there = len(threads)
         self._known = [worker for worker in threads if self._workers.get(worker, "") is None]
         return self._known
 
@@ -182,6 +187,7 @@ def _task(module: str, name: str, case: str, expected: str) -> tuple[str, str | 
         for turn in range(2):
             if (found := _is(module)) != expected:
                 wrong = f"the worker at {worker} has another code ({found}, here it is {expected}); start it anew"
+                time.sleep(_LOOK)  # meanwhile others are asked
                 return worker, None, wrong
             if turn == 0:
                 result = measured(Trial(module, name), case)

@@ -176,8 +176,10 @@ def _read(path: Path) -> dict[str, str]:
         for case, result in rows:
             if not isinstance(json.loads(case), dict) or not isinstance(json.loads(result), dict):
                 raise ValueError("a row is no case with its result")
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return {}
+    except PermissionError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror}") from None
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
         said = str(error).partition("\n")[0]
         raise RecordingError(f"{path} is no whole table of results ({said}); remove it to measure anew") from None
