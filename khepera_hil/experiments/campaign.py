@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TextIO
 
@@ -54,7 +54,7 @@ def run(
     keys = [json.dumps(case, sort_keys=True, allow_nan=False) for case in cases]
     if fresh:
         forget(folder, code.digest)
-    known = kept(folder, code.digest)
+    known: Mapping[str, str] = kept(folder, code.digest)
     waiting = [key for key in dict.fromkeys(keys) if key not in known]
     if waiting or parts(folder, code.digest):
         with Results(folder, code.digest) as results:
@@ -134,7 +134,7 @@ class _Campaign:
             self._telling.say(f"{_short(ended.case)} failed; what is under way is finished")
             self._error = self._error or ended.error
         if ended.died is None:
-            return [ended.case] if ended.result is ended.error is None else []
+            return [ended.case] if ended.result is None and ended.error is None else []
         self._deaths[ended.case] += 1
         tried = self._deaths[ended.case]
         if ended.again and tried < TRIES:
