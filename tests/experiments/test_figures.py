@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from khepera_hil.experiments import campaign
 from khepera_hil.experiments.campaign import run
 from khepera_hil.experiments.figures import counted, mean, rate, share
+from khepera_hil.experiments.fingerprint import code_of
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=300))
@@ -72,7 +73,7 @@ def test_other_code_measures_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     log = tmp_path / "log"
     case = {"seed": 1, "log": str(log)}
     run("doubling", _double, [case], tmp_path)
-    of = campaign.code_of("tests.experiments.test_figures")
+    of = code_of("tests.experiments.test_figures")
     monkeypatch.setattr(campaign, "code_of", lambda module: replace(of, digest="other"))
     run("doubling", _double, [case], tmp_path)
     assert log.read_text().split() == ["1", "1"]
