@@ -41,7 +41,7 @@ class Disturbed(Emulator):
     def advance(self, now: float) -> None:
         """Let everything happen that happens until ``now``, and the world's own troubles of the line begin."""
         super().advance(now)
-        for event in self.world.due(LinkFault):
+        for event in self.body.due(LinkFault):
             self.faults.trouble(_KINDS[event.fault], event.share, event.at, event.at + event.lasts)
 
     def receive(self, data: bytes, now: float) -> None:
