@@ -9,21 +9,18 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import replace
 from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from khepera_hil import chance
 from khepera_hil.commands.parser import Parser, baud, seed
 from khepera_hil.commands.scored import scored
 from khepera_hil.diary import Diary
-from khepera_hil.disturbed import Disturbed
+from khepera_hil.disturbed import Disturbed, line_faults
 from khepera_hil.emulator import Company
 from khepera_hil.endpoints import LOOPBACK, Endpoint, pseudo_terminal, tcp_port
 from khepera_hil.errors import RecordingError, UsageError
-from khepera_hil.faults import Faults
 from khepera_hil.faultspec import GROUPS, KINDS, Specification
 from khepera_hil.follower import Follower
 from khepera_hil.onlooker import Onlooker, shown
@@ -131,15 +128,12 @@ def _emulator(
     asked: argparse.Namespace, world: World, number: int, faults: Specification, seed: int, diary: Diary | None
 ) -> Disturbed:
     """A robot at the end of its line, which tells the diary what passes."""
-    if number > 1 and faults.seed is not None:
-        # A seed of the faults' own is one for all; each line has a stream of it.
-        seed, faults = faults.seed, replace(faults, seed=None)
     on_fault = None if diary is None else partial(diary.fault, robot=number)
     return Disturbed(
         world,
         asked.baud,
         number=number,
-        faults=Faults(faults, chance.streams(seed, number)["line"], on_fault=on_fault),
+        faults=line_faults(faults, seed, number, on_fault=on_fault),
         host_follows=asked.tcp is not None,
         fifo=FIFO_16550,
         robot=asked.robot,
@@ -185,7 +179,7 @@ def _asked(arguments: Sequence[str]) -> argparse.Namespace:
     asked = parser.parse_args(arguments)
     if asked.tcp is not None and asked.tcp[1] and asked.tcp[1] + asked.robots - 1 > _LAST_PORT:
         parser.error(
-            f"argument --tcp: {asked.robots} robots from port {asked.tcp[1]} on would need ports beyond {_LAST_PORT}"
+            f"argument --tcp: {asked.robots} robots from port {asked.tcp[1]} on need ports beyond {_LAST_PORT}"
         )
     if asked.pty is not None and not asked.pty.name:
         parser.error(f"argument --pty: {str(asked.pty)!r} is no name for a link")

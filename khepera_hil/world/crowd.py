@@ -61,7 +61,7 @@ class Crowd(Physics):
         return [(*robot.position, robot.angle) for robot, _ in self._drives]
 
     def _of(self, arbiter: pymunk.Arbiter) -> list[Contact]:
-        found = (self._numbers.get(shape.body) for shape in arbiter.shapes)
+        found = (self._numbers.get(shape.body) for shape in arbiter.shapes if shape.body is not None)
         return [self.contacts[number] for number in found if number is not None]
 
     def _touch(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: object) -> None:

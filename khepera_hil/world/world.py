@@ -124,7 +124,7 @@ class World:
         self._director.step(0.0, 0, starts)
         for robot, pose in zip(self.robots, starts, strict=True):
             robot.begin(Moment(0, pose, self._places(robot, starts), self._director.lights))
-        self._seen_at = starts
+        self._seen_at: Sequence[Pose] = starts
         self._went: list[bool] = [False] * robots
 
     def advance(self, now: float) -> None:
