@@ -29,7 +29,7 @@ STEPS_A_RECKONING = 4  # of what the battery gave, every 20 ms
 
 _HEIGHT = 29.0  # mm (paper, section 4.1)
 _LOADED = 45.0  # mm, with the camera's turret on it, whose lens is at 40 (proposed)
-_REFLECTANCE = 0.5  # of its ring of circuit boards (proposed)
+_REFLECTANCE = 0.8  # so it is seen some 2 cm away (proposed)
 _ALBEDO = 0.25  # (proposed)
 _MOUNTING = math.radians(3.0)  # standard deviation (proposed)
 _WHEEL_BIAS = 0.01  # standard deviation (proposed)
