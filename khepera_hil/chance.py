@@ -31,6 +31,6 @@ def streams(seed: int, robot: int = 1) -> dict[Owner, np.random.SeedSequence]:
     return dict(zip(owners, root.spawn(len(owners)), strict=True))
 
 
-def generator(seed: int, owner: Owner) -> np.random.Generator:
+def generator(seed: int, owner: Owner, robot: int = 1) -> np.random.Generator:
     """The generator (PCG64) of one owner."""
-    return np.random.Generator(np.random.PCG64(streams(seed)[owner]))
+    return np.random.Generator(np.random.PCG64(streams(seed, robot)[owner]))

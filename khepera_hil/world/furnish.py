@@ -16,6 +16,7 @@ from khepera_hil.world.shapes import BODY_RADIUS, Pose, Shape, box, disc, gap
 __all__ = ["Layout", "furnish"]
 
 _CHOICES, _LAYOUTS, _TRIES, _STARTS = 2000, 60, 250, 20_000
+_MORE_STARTS = 2000  # tries for each further robot
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,7 @@ def _starts(arena: Arena, shapes: list[Shape], chances: Sequence[np.random.Gener
 def _drawn(arena: Arena, shapes: list[Shape], chance: np.random.Generator, number: int) -> Shape:
     base = _base_area(arena)
     inside = shapes[len(arena_walls(arena)) :]
-    for _ in range(_STARTS):
+    for _ in range(_STARTS if number == 1 else _MORE_STARTS):
         x, y = float(chance.uniform(0, arena.size[0])), float(chance.uniform(0, arena.size[1]))
         robot = disc("robot", "robot", BODY_RADIUS, (x, y, float(chance.uniform(-math.pi, math.pi))), 29.0)
         centre = disc("centre", "robot", 0.0, robot.pose, 0.0)
