@@ -147,7 +147,10 @@ class Scene:
         self.lanes[f"trail {name}"] = self._others[name] = Lane(_trail(name), _points)
         x, y, theta = shape["pose"]
         self._first[name] = (x, y, theta)
-        _robot(stream, path, colour, label=name)
+        _robot(stream, path, colour)
+        # A label has its point's colour, and the disc's is the ground's.
+        named = rr.Points2D([[0, 0]], radii=0.0, colors=colours.packed(colour), labels=[name], show_labels=True)
+        _log(stream, f"{path}/name", named)
         _trail_of(stream, _trail(name), colour)
 
     def write(self, tick: Tick, stamp: Stamp) -> None:
@@ -173,7 +176,7 @@ def _trail_of(stream: rr.RecordingStream, path: str, colour: int) -> None:
     _log(stream, path, look)
 
 
-def _robot(stream: rr.RecordingStream, path: str, colour: int, label: str | None = None) -> None:
+def _robot(stream: rr.RecordingStream, path: str, colour: int) -> None:
     turn = np.linspace(0, 2 * np.pi, 49)
     rim = RADIUS * np.column_stack([np.cos(turn), np.sin(turn)])
     wheels = [[[-0.0075, y], [0.0075, y]] for y in (0.0265, -0.0265)]
@@ -190,14 +193,7 @@ def _robot(stream: rr.RecordingStream, path: str, colour: int, label: str | None
     _log(
         stream,
         f"{path}/disc",
-        rr.Points2D(
-            [[0, 0]],
-            radii=RADIUS,
-            colors=colours.packed(0x2B3340FF),
-            draw_order=40.0,
-            labels=None if label is None else [label],
-            show_labels=None if label is None else True,
-        ),
+        rr.Points2D([[0, 0]], radii=RADIUS, colors=colours.packed(0x2B3340FF), draw_order=40.0),
     )
 
 
