@@ -153,6 +153,7 @@ class Serial(SerialBase):
             self._meeting.begin(asked.number)
         if not isinstance(self.clock, WallClock):
             self.clock.on_advance = self._emulator.advance
+            self._emulator.keeps_up = False
         self.is_open = True
         self.faults = self._emulator.faults if isinstance(self._emulator, Disturbed) else None
         self.witness = Witness(self._emulator.world, self._catch_up, self.faults, asked.number)
@@ -274,6 +275,7 @@ class Serial(SerialBase):
         now = self.clock.now()
         if (self.is_open or self.unplugged) and self._emulator is not None:
             self._emulator.advance(now)
+            self._emulator.world.advance(now)
         return now
 
     def _checked_baudrate(self) -> int:

@@ -207,27 +207,23 @@ class World:
         return [*places, *(None if number == robot.number else pose for number, pose in enumerate(poses, 1))]
 
     def _look(self, robot: Robot, moment: Moment, now: float) -> None:
-        for name in sorted(self._movers_seen(robot, moment)):
+        for name in self._movers_seen(robot, moment):
             robot.score.saw(name, now, _STEPS_A_LOOK * STEP)
 
-    def _movers_seen(self, robot: Robot, moment: Moment) -> set[str]:
-        """What goes by itself and is in the robot's view."""
-        going = {*self._director.walking}
-        going |= {name_of(number, robot.number) for number, went in enumerate(self._went, 1) if went}
-        going.discard("robot")
-        if not going:
-            return going
+    def _movers_seen(self, robot: Robot, moment: Moment) -> list[str]:
+        """The movers that a robot sees, in the order in which they came; then the other robots that go."""
+        places = {self._cast.movables[number]: name for name, number in self._director.walking.items()}
         things = len(self._cast.shapes)
-        seen = robot.eye.sees(moment)
-        return going & {
-            self._cast.shapes[place].name if place < things else name_of(place - things + 1, robot.number)
-            for place in seen
-        }
+        for place, went in enumerate(self._went):
+            if went and place != robot.number - 1:
+                places[things + place] = name_of(place + 1, robot.number)
+        seen = robot.eye.sees(moment, places)
+        return [name for place, name in places.items() if place in seen]
 
     def in_view(self, robot: int = 1) -> set[str]:
         """The movers that are in a robot's view now and walking (see :meth:`Score.figures`, movers_seen)."""
         one = self.robots[robot - 1]
-        return self._movers_seen(one, one.now)
+        return set(self._movers_seen(one, one.now))
 
     def shapes(self, robot: int = 1) -> list[dict[str, Any]]:
         """Everything there ever is at its starting pose, robots, lamps, flames and base too; JSON-able, metres.
