@@ -214,3 +214,19 @@ def test_each_run_is_recorded_and_can_be_read_back(tmp_path: Path) -> None:
         manifest = json.loads((folder / "manifest.json").read_text())
         assert {shape["name"] for shape in manifest["world"]["shapes"]} > {"robot"}
         assert len((folder / "ticks.jsonl").read_text().splitlines()) == len(trial.ticks) == 20
+
+
+def test_a_watchman_sounds_the_alarm_when_another_robot_comes_by() -> None:
+    """As its movement is seen: by the grey levels of the camera, over the line."""
+    watchman, _ = meet(
+        [PROGRAMS["watchman"].make(), PROGRAMS["avoid"].make()],
+        world="watchman",
+        seed=1,
+        duration=18.0,
+        options={"scenario": "meeting"},
+    )
+    alarms = [tick.t for tick in watchman.ticks for level, _ in tick.events if level == "alarm"]
+    assert len(alarms) == watchman.score["alarms"] == 1
+    assert watchman.score["alarms_false"] == 0
+    assert watchman.score["movers_seen"] == 1
+    assert watchman.score["movers_entered"] == 0  # it was there from the start
