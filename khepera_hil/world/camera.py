@@ -144,7 +144,7 @@ class Camera:
     def _may_see(self, place: int, moment: Moment) -> bool:
         """Whether a movable shape is so high, and lies in such a direction, that it may be in a cell.
 
-        A mover is mostly elsewhere, and to see that costs a thirtieth of the rays.
+        A mover is mostly elsewhere, and then no ray is cast.
         """
         high, wide = self._extents[place]
         pose = moment.places[self._numbers[place]]

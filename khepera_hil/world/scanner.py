@@ -172,14 +172,14 @@ def _together(
     """
 
     def alike(places: list[Pose | None]) -> bool:
-        return places is first or all(
+        return all(
             a == b or (aside(number, a) and aside(number, b))
             for number, (a, b) in enumerate(zip(places, first, strict=True))
         )
 
     poses = [moment.pose for moment in moments]
     first = moments[0].places
-    if all(alike(moment.places) for moment in moments):
+    if all(moment.places is first for moment in moments) or all(alike(moment.places) for moment in moments):
         still = poses.count(poses[0]) == SENSORS
         yield _ALL, first, poses[:1] if still else poses
         return
