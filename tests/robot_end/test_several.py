@@ -249,7 +249,7 @@ def test_a_scenario_places_robots_and_speaks_to_them(tmp_path: Path) -> None:
         "[[event]]\nat_s = 1\nkind = 'reset'\nrobot = 2\n[[event]]\nat_s = 1\nkind = 'battery'\ncharge = 0.2\n"
     )
     world = World("empty", 1, str(path), robots=2)
-    assert world.layout.starts == ((200, 200, 0), (800, 800, math.pi / 2))
+    assert list(world.layout.starts) == [(200, 200, 0), (800, 800, math.pi / 2)]
     assert [robot.next_due(Reset) for robot in world.robots] == [None, 1.0]
     with pytest.raises(WorldError, match="robot must be the number of a robot, and the only one here is 1"):
         World("empty", 1, str(path))
@@ -360,5 +360,4 @@ def test_a_reset_and_a_new_rate_are_one_robots_own() -> None:
     emulators[1].receive(b"serial 9600\n", 1.1)
     assert emulators[0].transmitted(2.0).endswith(b"Protocol\r\n")
     assert [emulator.baud for emulator in emulators] == [38400, 9600]
-    assert emulators[0].body.motion.orders == (0, 0)
-    assert emulators[1].body.motion.orders == (5, 5)
+    assert [emulator.body.motion.orders for emulator in emulators] == [(0, 0), (5, 5)]
