@@ -23,7 +23,8 @@ from khepera_hil.errors import (
     RobotError,
     RobotReset,
 )
-from khepera_hil.opening import PORT_ERRORS, Port, close_port, rivals
+from khepera_hil.lookout import Lookout
+from khepera_hil.opening import PORT_ERRORS, Port, close_port
 from khepera_hil.protocol import COMMANDS, encode_request, is_refusal, parse_answer, wire_seconds
 from khepera_hil.turrets import longest_turret_answer, parse_turret_answer
 
@@ -42,9 +43,6 @@ SILENCE = 0.005
 
 RESYNCHRONISATION = 0.3
 """Seconds after which a resynchronisation begins nothing new and gives up."""
-
-LOOK_AGAIN = 1.0
-"""Seconds after which it is looked again whether somebody else reads from the port, when answers are missing."""
 
 PROBES = ("B", "K", "E")
 """Requests that change nothing and that a tick does not use."""
@@ -98,6 +96,8 @@ class Link:
         self.on_exchange = on_exchange
         self.on_sent: Callable[[], None] | None = None
         """Called each time that something has been handed to the port; what it raises goes through."""
+        self.lookout = Lookout(port, clock)
+        """For who takes bytes away, to be given some time now and then: :meth:`Lookout.look`."""
         self.counters = Counters()
         self.last_answer = ""
         """The last accepted answer as it came, without CR LF."""
@@ -107,7 +107,6 @@ class Link:
         self._seam = b""  # the end of what came last: a boot text may come in pieces
         self._in_session = False  # whether the robot has answered since the session began
         self._reset = False  # and whether it was reset since
-        self._look_again = 0.0
         self._asked = 0
         self._last_asked = dict.fromkeys(PROBES, 0)
 
@@ -142,10 +141,12 @@ class Link:
                 self.counters.bad_answer += 1
             elif isinstance(error, Refused):
                 self.counters.refused += 1
-            if others := self._rivals(error):
-                raise type(error)(
-                    f"{error}; {self.name} is also open in {others}, which takes bytes away"
-                ) from error
+            if isinstance(error, (NoAnswer, BadAnswer)):
+                self.lookout.suspect()
+                if others := self.lookout.others:
+                    raise type(error)(
+                        f"{error}; {self.name} is also open in {others}, which takes bytes away"
+                    ) from error
             raise
         self._synchronised = True
         self.counters.accepted += 1
@@ -295,13 +296,6 @@ class Link:
         except ProtocolError as error:
             raise BadAnswer(str(error)) from error
         return answer[:-2].decode("ascii"), result
-
-    def _rivals(self, error: RobotError) -> str:
-        """Who else may have read what we miss; looked for once in a while, since it takes some milliseconds."""
-        if not isinstance(error, (NoAnswer, BadAnswer)) or self.clock.now() < self._look_again:
-            return ""
-        self._look_again = self.clock.now() + LOOK_AGAIN
-        return ", ".join(rivals(self.port))
 
     def _report(self, sent: bytes, came: bytes) -> None:
         if self.on_exchange is not None:

@@ -201,6 +201,7 @@ class Service:
             raise failure
         if self._trouble is not None and tick.t - self._answered_at >= self._patience:
             raise self._given_up(self._trouble)
+        self._khepera.link.lookout.look()
         self._idle(self._period - beat.late - (self._clock.now() - start))
 
     def _begin(self, beat: Beat) -> Tick:
@@ -378,6 +379,7 @@ class Service:
         try:
             if self._guard_lost is None:
                 self._guard.beat()
+            self._khepera.link.lookout.look()
         except GuardLost as error:
             self._guard_lost = error
             with contextlib.suppress(LinkLost, GuardLost):

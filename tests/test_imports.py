@@ -33,7 +33,9 @@ TABLE: dict[str, set[str]] = {
     # the client's end
     "khepera_hil.adapter": {"serial"},
     "khepera_hil.opening": {"khepera_hil.adapter", "khepera_hil.errors", "serial"},
+    "khepera_hil.lookout": {"khepera_hil.opening", "khepera_hil.clock"},
     "khepera_hil.link": {
+        "khepera_hil.lookout",
         "khepera_hil.opening",
         "khepera_hil.protocol",
         "khepera_hil.turrets",
