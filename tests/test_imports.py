@@ -214,6 +214,7 @@ TABLE: dict[str, set[str]] = {
         "pyarrow",
     },
     "khepera_hil.follower": set(),
+    "khepera_hil.apart": {"khepera_hil.follower"},
     "khepera_hil.viewer": {
         "khepera_hil.viewer",
         "khepera_hil.follower",
