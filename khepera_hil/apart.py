@@ -7,7 +7,7 @@ finish what it was given: also the file of a killed run has its end.
 
 The two are joined by a pair of sockets. From the loop come messages, pickled and each behind its length in eight
 bytes: how to open the sink, then items, then a farewell. Back come lines of JSON: that it is open, that it failed,
-what was lost. What the process does not take is kept here, and past ``capacity`` items dropped and counted.
+what was lost. Past ``capacity`` items that wait on either side the newest are dropped and counted.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Generic, TypeVar
 
-from khepera_hil.follower import IDLE, Sink
+from khepera_hil.follower import Follower, Sink
 
 __all__ = ["Apart"]
 
@@ -38,8 +38,8 @@ _FAREWELL = b""
 _NICE = 10
 """Steps by which the process stands back behind the loop."""
 
-_STUCK = 60
-"""Whole seconds that a sink may take for one step."""
+_LONG = 60.0
+"""Seconds that a sink may take to open or to finish, where no deadline of the loop's comes before."""
 
 
 class Apart(Generic[T]):
@@ -78,24 +78,29 @@ class Apart(Generic[T]):
                 start_new_session=True,  # out of reach of the terminal's Ctrl-C
             )
         self._pipe.setblocking(False)
-        self._put(pickle.dumps((opening, dict(arguments))))
+        self._put(pickle.dumps((opening, dict(arguments), capacity)))
 
     @property
     def pid(self) -> int:
         """Of the process."""
         return self._process.pid
 
+    @property
+    def waiting(self) -> int:
+        """Items that the process has not taken yet; they go with us when we are killed."""
+        return len(self._waiting)
+
     def wait_until_open(self) -> None:
         """Wait until the sink was opened, or has failed to be within ``patience`` seconds."""
         end = time.monotonic() + self._patience
-        while not self._open and self.error is None and self._talk(end - time.monotonic()):
+        while not self._open and self.error is None and self.talk(end - time.monotonic()):
             pass
         if not self._open and self.error is None:
             self.error = f"it could not be opened within {self._patience:g} s"
 
     def offer(self, item: T) -> None:
         """Hand an item over, or drop and count it; never waits, never raises."""
-        self._talk(0.0)
+        self.talk(0.0)
         if self.error is not None or self._closed or len(self._waiting) >= self._capacity:
             self.dropped += 1
             return
@@ -108,7 +113,7 @@ class Apart(Generic[T]):
         self._closed = True
         end = time.monotonic() + self._deadline
         self._put(_FAREWELL)
-        while not self._finished and self._talk(end - time.monotonic()):
+        while not self._finished and self.talk(end - time.monotonic()):
             pass
         self._pipe.close()
         late = False
@@ -129,9 +134,9 @@ class Apart(Generic[T]):
 
     def _put(self, message: bytes) -> None:
         self._waiting.append(len(message).to_bytes(_LENGTH, "little") + message)
-        self._talk(0.0)
+        self.talk(0.0)
 
-    def _talk(self, seconds: float) -> bool:
+    def talk(self, seconds: float) -> bool:
         """Send what is taken and hear what is said, waiting so long at most; False when there was nothing."""
         if self._finished or seconds < 0.0:
             return False
@@ -176,7 +181,7 @@ class Apart(Generic[T]):
         self._open = self._open or "open" in said
         if self.error is None:
             self.error = said.get("error")
-        self.dropped += said.get("discarded", 0)
+        self.dropped += said.get("dropped", 0)
         self._finished = self._finished or "finished" in said
 
     def _end(self) -> None:
@@ -186,13 +191,7 @@ class Apart(Generic[T]):
             return
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(1.0)
-        code = self._process.returncode
-        if code == -signal.SIGALRM:
-            self.error = f"it took nothing for {_STUCK} s"
-        else:
-            self.error = (
-                f"its process ended {f'by signal {-code}' if code is not None and code < 0 else 'too early'}"
-            )
+        self.error = f"its process was ended by {_named(self._process.returncode)}"
 
 
 def _named(code: int | None) -> str:
@@ -205,56 +204,55 @@ def _named(code: int | None) -> str:
         return f"signal {-code}"
 
 
+class _Counted:
+    """A sink that is told what was lost on both sides."""
+
+    def __init__(self, sink: Sink[Any]) -> None:
+        self._sink = sink
+        self.flush, self.close = sink.flush, sink.close
+
+    def write(self, item: tuple[Any, int], dropped: int) -> None:
+        """Take an item, and with it how many were lost before it came here."""
+        self._sink.write(item[0], item[1] + dropped)
+
+
 class _Feeding:
-    """The other end: one sink, and what became of it."""
+    """The other end of the pipe: what comes is taken off it at once, and waits here for the sink."""
 
     def __init__(self, pipe: socket.socket) -> None:
         self._pipe = pipe
-        self._sink: Sink[Any] | None = None
-        self._failed = False
-        self._discarded = 0
+        self._told = False
 
     def run(self) -> None:
         """Until the farewell, or until the loop's process has ended."""
         message = self._message()
         if message is None:
             return
-        opening, arguments = pickle.loads(message)  # noqa: S301 - our own parent's; nobody else has the other end
-        module, _, function = opening.partition(":")
-        self._guarded(lambda: self._opened(getattr(importlib.import_module(module), function), arguments))
-        while True:
-            if self._sink is not None and not self._failed and not select.select([self._pipe], [], [], IDLE)[0]:
-                self._guarded(self._sink.flush)
-                continue
-            message = self._message()
-            if not message:
-                break
-            self._take(message)
-        if self._sink is not None:
-            self._guarded(self._sink.close)  # after an error too: what was written may be worth finishing
-        self._say(finished=True, discarded=self._discarded)
+        # Our own process has the other end, and nobody else.
+        opening, arguments, capacity = pickle.loads(message)  # noqa: S301
+        follower: Follower[tuple[Any, int]] = Follower(
+            lambda: _Counted(_called(opening, arguments)),
+            name=opening,
+            waits=False,
+            capacity=capacity,
+            patience=_LONG,
+            deadline=_LONG,
+        )
+        follower.wait_until_open()
+        if follower.error is None:
+            self._say(open=True)
+        self._tell(follower)
+        while message := self._message():
+            follower.offer(pickle.loads(message))  # noqa: S301
+            self._tell(follower)
+        follower.close()
+        self._tell(follower)
+        self._say(finished=True, dropped=follower.dropped)
 
-    def _opened(self, function: Any, arguments: dict[str, Any]) -> None:
-        self._sink = function(**arguments)
-        self._say(open=True)
-
-    def _take(self, message: bytes) -> None:
-        if self._sink is None or self._failed:
-            self._discarded += 1
-            return
-        item, dropped = pickle.loads(message)  # noqa: S301 - as above
-        self._guarded(self._sink.write, item, dropped)
-
-    def _guarded(self, step: Callable[..., None], *arguments: object) -> None:
-        signal.alarm(_STUCK)  # which ends us: nobody else would, where the loop's process is gone
-        try:
-            step(*arguments)
-        except Exception as error:  # noqa: BLE001 - whatever a sink dies of is told, once
-            if not self._failed:
-                self._failed = True
-                self._say(error=f"{type(error).__name__}: {error}")
-        finally:
-            signal.alarm(0)
+    def _tell(self, follower: Follower[Any]) -> None:
+        if follower.error is not None and not self._told:
+            self._told = True
+            self._say(error=follower.error)
 
     def _message(self) -> bytes | None:
         """The next whole one; None when the other end is gone."""
@@ -276,6 +274,12 @@ class _Feeding:
     def _say(self, **what: Any) -> None:
         with contextlib.suppress(OSError):  # nobody is there to hear it
             self._pipe.sendall(json.dumps(what).encode() + b"\n")
+
+
+def _called(opening: str, arguments: dict[str, Any]) -> Sink[Any]:
+    module, _, function = opening.partition(":")
+    sink: Sink[Any] = getattr(importlib.import_module(module), function)(**arguments)
+    return sink
 
 
 def main(fd: int) -> None:
