@@ -15,6 +15,7 @@
     |-- WorldError                 2  an arena that cannot be read or furnished
     |-- RecordingError             6  the run's folder cannot be written, or read back
     |-- ViewerError                1  the viewer is not there, or cannot draw here
+    |-- Stopped                    0  no error: it was asked to stop before there was a robot
     |-- OrderRefused               8  an order that no running program takes
     `-- ProtocolError              1  bytes that are not in the protocol's grammar (raised by ``protocol`` only)
 
@@ -38,6 +39,7 @@ __all__ = [
     "Refused",
     "RobotError",
     "RobotReset",
+    "Stopped",
     "UsageError",
     "ViewerError",
     "WireTooSlow",
@@ -122,6 +124,12 @@ class RecordingError(KheperaHilError):
 
 class ViewerError(KheperaHilError):
     """The viewer is not installed, or cannot draw here."""
+
+
+class Stopped(KheperaHilError):
+    """The run was asked to stop before there was a robot to be stopped."""
+
+    exit_code = 0
 
 
 class OrderRefused(KheperaHilError):

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 
 from khepera_hil.clock import Clock
 from khepera_hil.errors import (
@@ -99,6 +100,8 @@ class Link:
         self.lookout = Lookout(port, clock)
         """For who takes bytes away, to be given some time now and then: :meth:`Lookout.look`."""
         self.counters = Counters()
+        self.until = inf
+        """The clock's time by which a resynchronisation shall be over: the caller's next deadline."""
         self.last_answer = ""
         """The last accepted answer as it came, without CR LF."""
         self._synchronised = False  # nothing is known of a line that was just opened
@@ -196,13 +199,16 @@ class Link:
         quiet. Then a request is sent whose answer cannot be mistaken for an old one: of B, K and E the one
         that was asked longest ago. The robot answers in order, so after a whole answer to that, and a short
         silence, nothing older can follow. Where anything was heard this is tried again, for at most about
-        RESYNCHRONISATION seconds; a silent line is given up after the first probe, since each request tries
-        again and the caller has a period to keep.
+        RESYNCHRONISATION seconds, and not past ``until``: what begins is over by then, but for a first attempt,
+        which there always is. A silent line is given up after the first probe, since each request tries again and
+        the caller has a period to keep.
         """
         self._synchronised = False
         self.counters.resynchronisations += 1
         self._heard.clear()
-        give_up = self.clock.now() + RESYNCHRONISATION
+        now = self.clock.now()
+        probe = wire_seconds(max(map(_exchanged, PROBES)), self.baud) + self.margin + SILENCE
+        give_up = min(now + RESYNCHRONISATION, max(now + QUIET, self.until - probe))
         while self._discard_until_quiet(give_up):
             letter = min(PROBES, key=self._last_asked.__getitem__)
             try:
@@ -360,6 +366,11 @@ class Link:
         self._lost = f"{self.name} is gone; is it unplugged, or has the program behind it ended? ({why})"
         self.close()
         return LinkLost(self._lost)
+
+
+def _exchanged(letter: str) -> int:
+    """Characters that go to and fro at the most for a request without values."""
+    return len(encode_request(letter)) + COMMANDS[letter].longest_answer
 
 
 def _check_turret(asked: tuple[int | str, ...], answered: tuple[int | str, ...]) -> None:
