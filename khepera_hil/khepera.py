@@ -38,8 +38,8 @@ class Khepera:
     def handshake(self, stopped: Callable[[], bool] = lambda: False) -> tuple[str, str]:
         """Find the robot on a line that was just opened, whatever is still in it; as :meth:`version`.
 
-        It is given up when it was ``stopped``. Raises NoAnswer on a silent port and BadAnswer when what comes is not
-        the protocol, each with what to do.
+        It is given up when it was ``stopped``. Raises NoAnswer on a silent port and BadAnswer when what comes is
+        not the protocol, each with what to do.
         """
         started = self.link.clock.now()
         failure: RobotError | None = None
