@@ -35,9 +35,15 @@ def eventually(what: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
-def apart(path: Path, **options: Any) -> Apart[object]:
-    arguments = {name: options.pop(name) for name in ("gate", "fails_at", "hangs") if name in options}
-    return Apart(SINK, {"path": path, **arguments}, name="the file", patience=LONG, **{"deadline": LONG, **options})
+def apart(path: Path, *, capacity: int = 256, deadline: float = LONG, **arguments: object) -> Apart[object]:
+    return Apart(
+        SINK,
+        {"path": path, **arguments},
+        name="the file",
+        capacity=capacity,
+        patience=LONG,
+        deadline=deadline,
+    )
 
 
 def test_all_that_is_offered_comes_through_in_order(tmp_path: Path) -> None:
