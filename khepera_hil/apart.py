@@ -38,6 +38,8 @@ _FAREWELL = b""
 _NICE = 10
 """Steps by which the process stands back behind the loop."""
 
+_ENDED = "its process has ended"
+
 _LONG = 60.0
 """Seconds that a sink may take to open or to finish, where no deadline of the loop's comes before."""
 
@@ -65,25 +67,20 @@ class Apart(Generic[T]):
         """Items that never reached the sink so far."""
         self._capacity, self._patience, self._deadline = capacity, patience, deadline
         self._waiting: deque[bytes] = deque()
+        self._process: subprocess.Popen[bytes] | None = None
         self._said = b""
         self._open = self._closed = self._finished = False
-        self._pipe, theirs = socket.socketpair()
-        with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", __name__, str(theirs.fileno())],
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,  # out of reach of the terminal's Ctrl-C
-            )
-        self._pipe.setblocking(False)
+        try:
+            self._pipe, self._process = _started()
+        except OSError as error:
+            self.error, self._finished = f"its process does not start: {error.strerror or error}", True
+            return
         self._put(pickle.dumps((opening, dict(arguments), capacity)))
 
     @property
-    def pid(self) -> int:
-        """Of the process."""
-        return self._process.pid
+    def pid(self) -> int | None:
+        """Of the process, if it was started."""
+        return None if self._process is None else self._process.pid
 
     @property
     def waiting(self) -> int:
@@ -104,25 +101,22 @@ class Apart(Generic[T]):
         if self.error is not None or self._closed or len(self._waiting) >= self._capacity:
             self.dropped += 1
             return
-        self._put(pickle.dumps((item, self.dropped), pickle.HIGHEST_PROTOCOL))
+        try:
+            message = pickle.dumps((item, self.dropped), pickle.HIGHEST_PROTOCOL)
+        except Exception as error:  # noqa: BLE001 - as in a follower: it must not reach the loop
+            self.error = f"{type(error).__name__}: {error}"
+            self.dropped += 1
+            return
+        self._put(message)
 
     def close(self) -> list[str]:
         """Let the sink take what there is and close it; sentences about what was lost, told once."""
         if self._closed:
             return []
         self._closed = True
-        end = time.monotonic() + self._deadline
-        self._put(_FAREWELL)
-        while not self._finished and self.talk(end - time.monotonic()):
-            pass
-        self._pipe.close()
-        late = False
-        try:
-            self._process.wait(max(0.0, end - time.monotonic()))
-        except subprocess.TimeoutExpired:
-            late = True
-            self._process.kill()
-            self._process.wait()
+        late = self._process is not None and not self._ended(self._process, time.monotonic() + self._deadline)
+        if self._process is not None and self.error == _ENDED:
+            self.error = f"its process was ended by {_named(self._process.returncode)}"
         losses = []
         if self.error is not None:
             losses.append(f"{self.name} is incomplete: {self.error}")
@@ -131,6 +125,20 @@ class Apart(Generic[T]):
         if self.dropped:
             losses.append(f"{self.name} lacks {self.dropped} ticks")
         return losses
+
+    def _ended(self, process: subprocess.Popen[bytes], end: float) -> bool:
+        """Have the process finish, or kill it at ``end``; whether it came to its own end."""
+        self._put(_FAREWELL)
+        while not self._finished and self.talk(end - time.monotonic()):
+            pass
+        self._pipe.close()
+        try:
+            process.wait(max(0.0, end - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+            return False
+        return True
 
     def _put(self, message: bytes) -> None:
         self._waiting.append(len(message).to_bytes(_LENGTH, "little") + message)
@@ -187,11 +195,26 @@ class Apart(Generic[T]):
     def _end(self) -> None:
         """The process has closed its end without having said that it finished."""
         self._finished = True
-        if self.error is not None:
-            return
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(1.0)
-        self.error = f"its process was ended by {_named(self._process.returncode)}"
+        self.error = self.error or _ENDED
+
+
+def _started() -> tuple[socket.socket, subprocess.Popen[bytes]]:
+    ours, theirs = socket.socketpair()
+    with theirs:
+        try:
+            process = subprocess.Popen(
+                [sys.executable, "-m", __name__, str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,  # out of reach of the terminal's Ctrl-C
+            )
+        except BaseException:
+            ours.close()
+            raise
+    ours.setblocking(False)
+    return ours, process
 
 
 def _named(code: int | None) -> str:

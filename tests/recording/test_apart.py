@@ -105,10 +105,33 @@ def test_a_process_that_is_killed_takes_the_file_along_and_not_the_run(tmp_path:
     follower = apart(path)
     follower.offer(0)
     eventually(lambda: noted(path) == [[0, 0]])
+    assert follower.pid is not None
     os.kill(follower.pid, signal.SIGKILL)
     while follower.error is None:
         follower.offer(1)
     assert follower.close()[0] == "the file is incomplete: its process was ended by SIGKILL"
+
+
+def test_what_cannot_be_handed_over_is_told_and_the_run_goes_on(tmp_path: Path) -> None:
+    follower = apart(tmp_path / "notes")
+    follower.offer(lambda: None)
+    follower.offer(1)
+    first, second = follower.close()
+    assert first.startswith("the file is incomplete: ")
+    assert second == "the file lacks 2 ticks"
+
+
+def test_a_process_that_cannot_be_started_is_told_and_the_run_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "no-such-program"))
+    follower = apart(tmp_path / "notes")
+    follower.wait_until_open()
+    follower.offer(0)
+    assert follower.close() == [
+        "the file is incomplete: its process does not start: No such file or directory",
+        "the file lacks 1 ticks",
+    ]
 
 
 def test_a_sink_that_hangs_does_not_keep_the_run_from_ending(tmp_path: Path) -> None:
@@ -156,6 +179,7 @@ def test_a_signal_for_everybody_lets_the_file_be_finished(tmp_path: Path, number
     follower = apart(path)
     follower.offer(0)
     eventually(lambda: noted(path) == [[0, 0]])
+    assert follower.pid is not None
     os.kill(follower.pid, number)
     follower.offer(1)
     assert follower.close() == []
