@@ -93,6 +93,7 @@ def structural(
                 reader = Watched(Khepera(Link(robot, clock, baud=robot.baud)), program)
                 reader.judge, reader.asked = judge, robot.counts.__getitem__
                 reader.khepera.handshake()
+            reader.khepera.link.until = PERIOD * (int(clock.now() / PERIOD + 1e-9) + 1)
             reader.read(ticks)
             valid += 1
             reader.khepera.set_speed(5, 5)
@@ -161,6 +162,7 @@ class _Emulated:
                 answers.clear()
             readings: Readings | None = None
             failure: Exception | None = None
+            khepera.link.until = start + (tick + 1) * PERIOD
             try:
                 readings = reader.read(tick)
                 decision = controller.step(readings, rng)
@@ -297,6 +299,7 @@ def _lost_ticks(kind: str, seed: int, number: int) -> list[int]:
     good, hit = [], []
     for tick in range(number):
         before = len(struck)
+        khepera.link.until = start + (tick + 1) * PERIOD
         try:
             reader.read(tick)
             khepera.set_speed(5, 5)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import serial
 
-__all__ = ["hurry", "latency_ms", "rivals"]
+__all__ = ["hurry", "latency_ms", "search"]
 
 SYS = Path("/sys")
 PROC = Path("/proc")
@@ -53,31 +53,28 @@ def hurry(port: serial.Serial) -> str | None:
     )
 
 
-def rivals(fd: int) -> list[str]:
-    """Other programs that have the same device open, such as ``pid 4711 (minicom)``.
+def search(fd: int) -> Iterator[str | None]:
+    """Other programs that have the same device open, such as ``pid 4711 (minicom)``: a process of this machine at
+    a time, and None for one that has it not. All of them together take some milliseconds.
 
     Each byte that comes goes to one reader only. Not among them: our own children (a guard holds the port too),
     whoever holds the other end of a pseudo-terminal, and what the system does not let us see.
     """
     try:
         device = os.fstat(fd).st_rdev
-        found = [
-            _name(process) for process in _others() if device in _open_in(process) and not _serves(process, device)
-        ]
+        processes = os.listdir(PROC)
     except OSError:
-        return []
-    return found
+        return
+    me = os.getpid()
+    for name in processes:
+        if name.isdigit() and int(name) != me:
+            process = PROC / name
+            rival = _has_open(process, device) and _parent(process) != me and not _serves(process, device)
+            yield _name(process) if rival else None
 
 
 def _timer(device: str) -> Path:
     return SYS / "bus/usb-serial/devices" / Path(os.path.realpath(device)).name / "latency_timer"
-
-
-def _others() -> Iterator[Path]:
-    me = os.getpid()
-    for process in PROC.iterdir():
-        if process.name.isdigit() and int(process.name) != me and _parent(process) != me:
-            yield process
 
 
 def _parent(process: Path) -> int:
@@ -86,16 +83,15 @@ def _parent(process: Path) -> int:
     return 0
 
 
-def _open_in(process: Path) -> set[int]:
-    """The devices that a process has open; nothing where we may not look, or where it has ended."""
-    devices: set[int] = set()
-    with contextlib.suppress(OSError):
-        for name in os.listdir(process / "fd"):
+def _has_open(process: Path, device: int) -> bool:
+    """Whether a process has this device open; it has not where we may not look, or where it has ended."""
+    with contextlib.suppress(OSError), os.scandir(process / "fd") as entries:
+        for entry in entries:
             with contextlib.suppress(OSError):
-                status = os.stat(process / "fd" / name)
-                if stat.S_ISCHR(status.st_mode):
-                    devices.add(status.st_rdev)
-    return devices
+                status = entry.stat()
+                if status.st_rdev == device and stat.S_ISCHR(status.st_mode):
+                    return True
+    return False
 
 
 def _serves(process: Path, device: int) -> bool:

@@ -16,6 +16,7 @@
     |-- RecordingError             6  the run's folder cannot be written, or read back
     |-- ViewerError                1  the viewer is not there, or cannot draw here
     |-- CampaignError              1  a case that kills its worker, a scheduler or workers that cannot be had
+    |-- Stopped                    0  no error: it was asked to stop before there was a robot
     |-- OrderRefused               8  an order that no running program takes
     `-- ProtocolError              1  bytes that are not in the protocol's grammar (raised by ``protocol`` only)
 
@@ -40,6 +41,7 @@ __all__ = [
     "Refused",
     "RobotError",
     "RobotReset",
+    "Stopped",
     "UsageError",
     "ViewerError",
     "WireTooSlow",
@@ -128,6 +130,12 @@ class ViewerError(KheperaHilError):
 
 class CampaignError(KheperaHilError):
     """Not all cases of a campaign can be measured: one kills its worker, or there are no workers to be had."""
+
+
+class Stopped(KheperaHilError):
+    """The run was asked to stop before there was a robot to be stopped."""
+
+    exit_code = 0
 
 
 class OrderRefused(KheperaHilError):

@@ -6,6 +6,7 @@ Every method may raise what :meth:`Link.ask <khepera_hil.link.Link.ask>` raises.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from khepera_hil.errors import BadAnswer, NoAnswer, ProtocolError, RobotError, RobotReset
 from khepera_hil.link import Link
@@ -34,10 +35,11 @@ class Khepera:
         self.motion = Motion()
         """What the wheels were told."""
 
-    def handshake(self) -> tuple[str, str]:
+    def handshake(self, stopped: Callable[[], bool] = lambda: False) -> tuple[str, str]:
         """Find the robot on a line that was just opened, whatever is still in it; as :meth:`version`.
 
-        Raises NoAnswer on a silent port and BadAnswer when what comes is not the protocol, each with what to do.
+        It is given up when it was ``stopped``. Raises NoAnswer on a silent port and BadAnswer when what comes is
+        not the protocol, each with what to do.
         """
         started = self.link.clock.now()
         failure: RobotError | None = None
@@ -48,7 +50,9 @@ class Khepera:
             except RobotError as error:
                 if failure is None or not isinstance(error, NoAnswer):
                     failure = error
-            if self.link.clock.now() - started >= (HANDSHAKE if isinstance(failure, NoAnswer) else BOOT_TEXT):
+            if stopped() or self.link.clock.now() - started >= (
+                HANDSHAKE if isinstance(failure, NoAnswer) else BOOT_TEXT
+            ):
                 break
         where = f"{self.link.name} at {self.link.baud} baud"
         if isinstance(failure, NoAnswer):

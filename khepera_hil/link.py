@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 
 from khepera_hil.clock import Clock
 from khepera_hil.errors import (
@@ -23,7 +24,8 @@ from khepera_hil.errors import (
     RobotError,
     RobotReset,
 )
-from khepera_hil.opening import PORT_ERRORS, Port, close_port, rivals
+from khepera_hil.lookout import Lookout
+from khepera_hil.opening import PORT_ERRORS, Port, close_port
 from khepera_hil.protocol import COMMANDS, encode_request, is_refusal, parse_answer, wire_seconds
 from khepera_hil.turrets import longest_turret_answer, parse_turret_answer
 
@@ -42,9 +44,6 @@ SILENCE = 0.005
 
 RESYNCHRONISATION = 0.3
 """Seconds after which a resynchronisation begins nothing new and gives up."""
-
-LOOK_AGAIN = 1.0
-"""Seconds after which it is looked again whether somebody else reads from the port, when answers are missing."""
 
 PROBES = ("B", "K", "E")
 """Requests that change nothing and that a tick does not use."""
@@ -98,7 +97,11 @@ class Link:
         self.on_exchange = on_exchange
         self.on_sent: Callable[[], None] | None = None
         """Called each time that something has been handed to the port; what it raises goes through."""
+        self.lookout = Lookout(port, clock)
+        """For who takes bytes away, to be given some time now and then: :meth:`Lookout.look`."""
         self.counters = Counters()
+        self.until = inf
+        """The clock's time by which a resynchronisation shall be over: the caller's next deadline."""
         self.last_answer = ""
         """The last accepted answer as it came, without CR LF."""
         self._synchronised = False  # nothing is known of a line that was just opened
@@ -107,7 +110,6 @@ class Link:
         self._seam = b""  # the end of what came last: a boot text may come in pieces
         self._in_session = False  # whether the robot has answered since the session began
         self._reset = False  # and whether it was reset since
-        self._look_again = 0.0
         self._asked = 0
         self._last_asked = dict.fromkeys(PROBES, 0)
 
@@ -142,10 +144,12 @@ class Link:
                 self.counters.bad_answer += 1
             elif isinstance(error, Refused):
                 self.counters.refused += 1
-            if others := self._rivals(error):
-                raise type(error)(
-                    f"{error}; {self.name} is also open in {others}, which takes bytes away"
-                ) from error
+            if isinstance(error, (NoAnswer, BadAnswer)):
+                self.lookout.suspect()
+                if others := self.lookout.others:
+                    raise type(error)(
+                        f"{error}; {self.name} is also open in {others}, which takes bytes away"
+                    ) from error
             raise
         self._synchronised = True
         self.counters.accepted += 1
@@ -195,13 +199,16 @@ class Link:
         quiet. Then a request is sent whose answer cannot be mistaken for an old one: of B, K and E the one
         that was asked longest ago. The robot answers in order, so after a whole answer to that, and a short
         silence, nothing older can follow. Where anything was heard this is tried again, for at most about
-        RESYNCHRONISATION seconds; a silent line is given up after the first probe, since each request tries
-        again and the caller has a period to keep.
+        RESYNCHRONISATION seconds, and not past ``until``: what begins is over by then, but for a first attempt,
+        which there always is. A silent line is given up after the first probe, since each request tries again and
+        the caller has a period to keep.
         """
         self._synchronised = False
         self.counters.resynchronisations += 1
         self._heard.clear()
-        give_up = self.clock.now() + RESYNCHRONISATION
+        now = self.clock.now()
+        probe = wire_seconds(max(map(_exchanged, PROBES)), self.baud) + self.margin + SILENCE
+        give_up = min(now + RESYNCHRONISATION, max(now + QUIET, self.until - probe))
         while self._discard_until_quiet(give_up):
             letter = min(PROBES, key=self._last_asked.__getitem__)
             try:
@@ -296,13 +303,6 @@ class Link:
             raise BadAnswer(str(error)) from error
         return answer[:-2].decode("ascii"), result
 
-    def _rivals(self, error: RobotError) -> str:
-        """Who else may have read what we miss; looked for once in a while, since it takes some milliseconds."""
-        if not isinstance(error, (NoAnswer, BadAnswer)) or self.clock.now() < self._look_again:
-            return ""
-        self._look_again = self.clock.now() + LOOK_AGAIN
-        return ", ".join(rivals(self.port))
-
     def _report(self, sent: bytes, came: bytes) -> None:
         if self.on_exchange is not None:
             self.on_exchange(sent, came)
@@ -366,6 +366,11 @@ class Link:
         self._lost = f"{self.name} is gone; is it unplugged, or has the program behind it ended? ({why})"
         self.close()
         return LinkLost(self._lost)
+
+
+def _exchanged(letter: str) -> int:
+    """Characters that go to and fro at the most for a request without values."""
+    return len(encode_request(letter)) + COMMANDS[letter].longest_answer
 
 
 def _check_turret(asked: tuple[int | str, ...], answered: tuple[int | str, ...]) -> None:

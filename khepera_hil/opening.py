@@ -31,7 +31,7 @@ except ImportError:  # a host without termios cannot raise its error either
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-__all__ = ["PORT_ERRORS", "WRITE_TIMEOUT", "Port", "close_port", "descriptor", "open_port", "reopen", "rivals"]
+__all__ = ["PORT_ERRORS", "WRITE_TIMEOUT", "Port", "close_port", "descriptor", "open_port", "reopen", "search"]
 
 WRITE_TIMEOUT = 0.08
 """Seconds for a request of a few bytes to be taken by the host; only a peer that stopped reading needs more."""
@@ -146,7 +146,7 @@ def open_port(url: str, baud: int, say: Callable[[str], None] = lambda remark: N
             close_port(port)
         raise PortError(_what_to_do(url, baud, error)) from error
     if isinstance(port, _Device):
-        if others := rivals(port):
+        if others := [other for other in search(port) if other is not None]:
             close_port(port)
             raise PortError(f"{url!r} is in use by another program, {', '.join(others)}: end that first")
         if (remark := adapter.hurry(port)) is not None:
@@ -172,11 +172,11 @@ def reopen(port: Port, url: str, baud: int, say: Callable[[str], None] = lambda 
     return port
 
 
-def rivals(port: Port) -> list[str]:
-    """Other programs that have the same device open, where that can be seen (see :func:`adapter.rivals`)."""
+def search(port: Port) -> Iterator[str | None]:
+    """Other programs that have the same device open, where that can be seen (see :func:`adapter.search`)."""
     if not isinstance(port, _Device) or not port.is_open:
-        return []
-    return adapter.rivals(port.fileno())
+        return iter(())
+    return adapter.search(port.fileno())
 
 
 def close_port(port: Port) -> None:

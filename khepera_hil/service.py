@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Sequence
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -13,17 +14,26 @@ from khepera_hil.budget import plan
 from khepera_hil.clock import Clock
 from khepera_hil.conduct import Conduct
 from khepera_hil.controllers import Commanded, Controller
-from khepera_hil.errors import GuardLost, KheperaHilError, LinkLost, NoAnswer, OrderRefused, RobotError, RobotReset
+from khepera_hil.errors import (
+    GuardLost,
+    KheperaHilError,
+    LinkLost,
+    NoAnswer,
+    OrderRefused,
+    RobotError,
+    RobotReset,
+    Stopped,
+)
 from khepera_hil.guarding import Guarding, Unguarded
 from khepera_hil.khepera import Khepera
 from khepera_hil.lifecycle import Health, Lifecycle
 from khepera_hil.orders import Order, Orders
 from khepera_hil.quantiles import Quantiles
 from khepera_hil.reader import Checks, Reader
-from khepera_hil.reconnection import Reconnection
 from khepera_hil.recording import Recording, Tick
 from khepera_hil.scheduler import Beat, beats
 from khepera_hil.transcript import name_of
+from khepera_hil.wayback import WayBack
 from khepera_hil.wheels import Wheels
 from khepera_hil.witness import Sight, Staged, Witness
 
@@ -65,8 +75,8 @@ class Service:
     ) -> None:
         self.health = Health()
         self.lifecycle = Lifecycle(self.health)
-        self.ticks = self.missed = self.blind = self.losses = self.resets = 0
-        """Ticks done, deadlines missed, ticks without readings; times that the line was lost, the robot reset."""
+        self.ticks = self.missed = self.blind = 0
+        """Ticks done, deadlines missed, ticks without readings."""
         self.work, self.late = Quantiles(), Quantiles()
         """Seconds of the host that each tick took, waiting for the wire included; seconds that it came late."""
         self.ended: str | None = None
@@ -76,9 +86,17 @@ class Service:
         self._khepera, self._controller, self._sight = khepera, controller, Sight(witness)
         self._guard: Guarding = guard or Unguarded()
         self._wheels = Wheels(khepera, self._guard, self.health)
-        self._reopen, self._resume, self._patience = reopen, resume, patience
-        self._reconnection: Reconnection | None = None
-        self._new_line = False
+        self._way_back = WayBack(
+            khepera,
+            self._wheels,
+            self.health,
+            clock,
+            become=self._become,
+            adopt=self._adopt,
+            reopen=reopen,
+            resume=resume,
+            patience=patience,
+        )
         self._clock, self._period = clock, period
         self._idle, self._stopwatch, self._wall = idle, stopwatch, wall
         self._staged: list[Orders] = [] if witness is None else [Staged(witness)]
@@ -86,8 +104,6 @@ class Service:
         self._reason: str | None = None
         self._remarks: list[tuple[str, str]] = []  # what is to be said in the next tick
         self._raw: dict[str, str] = {}
-        self._answered_at = 0.0  # the robot's time of the last tick that went as it should
-        self._trouble: KheperaHilError | None = None  # the last one since then
         self._guard_lost: GuardLost | None = None  # between two ticks; the next one tells it
         needed = plan(controller.name, controller.needs, baud=khepera.link.baud, period=period, verify=verify)
         self._conduct = Conduct(controller, Reader(khepera, needed, verify), self._wheels, rng)
@@ -109,21 +125,38 @@ class Service:
         return self.health.rested
 
     @property
+    def losses(self) -> int:
+        """Times that the line was lost."""
+        return self._way_back.losses
+
+    @property
+    def resets(self) -> int:
+        """Times that the robot was reset."""
+        return self._way_back.resets
+
+    @property
     def checks(self) -> Checks:
         """What came of not taking readings on trust."""
         return self._conduct.reader.checks
 
     def connect(self) -> tuple[str, str]:
-        """Shake hands, and command the wheels to stand still; the robot's versions (manual's B)."""
+        """Shake hands, and command the wheels to stand still; the robot's versions (manual's B).
+
+        Raises Stopped when :meth:`stop` came before a robot was found.
+        """
         self._become("connect")
         try:
             self._wheels.watch(self._khepera)
-            versions = self._khepera.handshake()
+            versions = self._khepera.handshake(lambda: self._reason is not None)
             if not self._wheels.stop():
                 raise NoAnswer("the robot does not confirm the order to stand still: see that its line is good")
         except KheperaHilError:
             self._become("fail")
-            raise
+            if self._reason is None:
+                raise
+            raise Stopped(
+                f"stopped ({self._reason}) before a robot was found at {self._khepera.link.name}"
+            ) from None
         self._become("connected")
         return versions
 
@@ -166,8 +199,7 @@ class Service:
 
     def close(self) -> None:
         """Give the port back and part with the guard; the service is of no more use."""
-        if self._reconnection is not None:
-            self._reconnection.close()
+        self._way_back.close()
         self._khepera.link.close()
         self._guard.close()
 
@@ -182,6 +214,7 @@ class Service:
             if self._guard_lost is not None:
                 raise self._guard_lost
             self._guard.beat()
+            self._khepera.link.until = start + self._period - beat.late
             self._obey(tick)
             good = self._advance(tick)
         except (LinkLost, GuardLost) as error:
@@ -199,8 +232,9 @@ class Service:
         self.late.add(beat.late)
         if failure is not None:
             raise failure
-        if self._trouble is not None and tick.t - self._answered_at >= self._patience:
-            raise self._given_up(self._trouble)
+        if (gone := self._way_back.given_up(tick)) is not None:
+            raise gone
+        self._khepera.link.lookout.look()
         self._idle(self._period - beat.late - (self._clock.now() - start))
 
     def _begin(self, beat: Beat) -> Tick:
@@ -225,13 +259,6 @@ class Service:
         elif self.state == "degraded" and self.health.sound:
             self._become("recover", tick)
         tick.state = self.state
-
-    def _given_up(self, trouble: KheperaHilError) -> KheperaHilError:
-        if isinstance(trouble, LinkLost):
-            return LinkLost(f"{trouble}; it did not come back within {self._patience:g} s")
-        return NoAnswer(
-            f"no usable answer for {self._patience:g} s: is the robot still switched on, and the cable in?"
-        )
 
     def _become(self, event: str, tick: Tick | None = None) -> None:
         before = self.state
@@ -266,118 +293,45 @@ class Service:
             return self._controller.order(order.words)
         raise OrderRefused(f"{self._controller.name} knows no order {order.words!r}; it takes stop and resume")
 
-    # What is done in a tick, state by state. Each returns whether the tick was a good one.
+    # What is done in a tick, state by state. Whether it was a good one.
 
     def _advance(self, tick: Tick) -> bool:
         try:
             if self.state == "disconnected":
-                return self._search(tick)
-            if self.state == "connecting":
-                return self._shake_hands(tick)
-            if self.state == "ready":
-                if not self.health.may_move:
-                    return self._wait(tick)
-                self._become("start", tick)
-            return self._drive(tick)
+                self._way_back.search(tick)
+            elif self.state == "connecting":
+                self._way_back.shake_hands(tick)
+            elif self.state == "ready" and not self.health.may_move:
+                return self._way_back.wait(tick)
+            else:
+                return self._drive(tick)
         except LinkLost as error:
-            if self._reopen is None:
-                raise
-            self._lose(tick, error, self._reopen)
+            self._way_back.lost(tick, error)
         except RobotReset as error:
-            self._was_reset(tick, error)
+            self._way_back.was_reset(tick, error)
+            if self.state != "connecting":
+                self._become("reset", tick)
         return False
 
     def _drive(self, tick: Tick) -> bool:
-        trouble = self._conduct.turn(tick)
-        if trouble is None:
-            self._answered_at = tick.t
-        self._trouble = trouble
+        if self.state == "ready":
+            self._become("start", tick)
+        self._way_back.went(tick, self._conduct.turn(tick))
         return bool(tick.evidence) and tick.command is not None
 
-    # The way back: from a line that was lost, from a robot that was reset.
-
-    def _lose(self, tick: Tick, error: LinkLost, reopen: Callable[[], Khepera]) -> None:
-        tick.events.append(("error", str(error)))
-        self._trouble = error
-        self.losses += 1
-        self._become("lose", tick)
-        self._wheels.let_go()
-        self._reconnection = Reconnection(reopen, self._clock)
-
-    def _search(self, tick: Tick) -> bool:
-        assert self._reconnection is not None
-        found = self._reconnection.poll()
-        if found is None:
-            return False
-        tick.events.append(
-            ("info", f"{found.link.name} is open again, after {self._reconnection.attempts} attempts")
-        )
-        self._reconnection.close()
-        self._reconnection = None
+    def _adopt(self, found: Khepera) -> None:
+        """A robot on a new line."""
         self._khepera = found
         before = self._conduct.reader
         self._conduct.reader = Reader(found, before.plan, before.verify, before.checks)
-        self._new_line = True
         found.link.on_exchange = self._heard
-        self._become("connect", tick)
-        self._wheels.watch(found)
-        return self._shake_hands(tick)
-
-    def _was_reset(self, tick: Tick, error: RobotReset) -> None:
-        tick.events.append(("error", str(error)))
-        self._trouble = error
-        self.resets += 1
-        self._wheels.forget()
-        self.health.may_move = self._resume
-        if self.state != "connecting":
-            self._become("reset", tick)
-
-    def _shake_hands(self, tick: Tick) -> bool:
-        """The wheels first, and blindly; then everything as at the beginning, an attempt a tick."""
-        link = self._khepera.link
-        try:
-            self._wheels.halt()
-            link.begin()
-            self._khepera.version()
-            tick.command = self._wheels.rest()
-            was_reset = self._wheels.were_reset() or (self._new_line and link.counters.boot_texts > 0)
-        except RobotReset:
-            raise
-        except RobotError as error:
-            tick.events.append(("warning", f"no data: {error}"))
-            self._trouble = error
-            return False
-        self._answered_at, self._trouble = tick.t, None
-        self._become("connected", tick)
-        self._new_line = False
-        if was_reset:
-            self.resets += 1
-            self.health.may_move = self._resume
-            tick.events.append(("error", "the robot was reset while its line was lost, or is another"))
-        if self.health.may_move:
-            self._become("start", tick)
-        else:
-            tick.events.append(("warning", "the robot waits; it goes on by: khepera-hil order resume"))
-        return False
-
-    def _wait(self, tick: Tick) -> bool:
-        """Nothing moves, but the robot is spoken to."""
-        try:
-            tick.command = self._wheels.rest()
-        except RobotReset:
-            raise
-        except RobotError as error:
-            tick.events.append(("warning", f"no data: {error}"))
-            self._trouble = error
-            return False
-        self._answered_at, self._trouble = tick.t, None
-        return True
 
     def _show_life(self) -> None:
         """While the loop waits for its next tick."""
         try:
             if self._guard_lost is None:
                 self._guard.beat()
+            self._khepera.link.lookout.look()
         except GuardLost as error:
             self._guard_lost = error
             with contextlib.suppress(LinkLost, GuardLost):
@@ -386,6 +340,7 @@ class Service:
     def _rest(self) -> None:
         # What is said from here on belongs to no tick, and nothing that becomes of the guard may disturb it.
         self._khepera.link.on_exchange = self._beat
+        self._khepera.link.until = inf
         self._become("stop")
         try:
             self._wheels.stop()

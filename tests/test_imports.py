@@ -33,7 +33,9 @@ TABLE: dict[str, set[str]] = {
     # the client's end
     "khepera_hil.adapter": {"serial"},
     "khepera_hil.opening": {"khepera_hil.adapter", "khepera_hil.errors", "serial"},
+    "khepera_hil.lookout": {"khepera_hil.opening", "khepera_hil.clock"},
     "khepera_hil.link": {
+        "khepera_hil.lookout",
         "khepera_hil.opening",
         "khepera_hil.protocol",
         "khepera_hil.turrets",
@@ -113,12 +115,21 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.perception",
         "khepera_hil.quantiles",
         "khepera_hil.reader",
-        "khepera_hil.reconnection",
         "khepera_hil.recording",
         "khepera_hil.scheduler",
         "khepera_hil.transcript",
+        "khepera_hil.wayback",
         "khepera_hil.wheels",
         "khepera_hil.witness",
+    },
+    "khepera_hil.wayback": {
+        "khepera_hil.clock",
+        "khepera_hil.errors",
+        "khepera_hil.khepera",
+        "khepera_hil.lifecycle",
+        "khepera_hil.reconnection",
+        "khepera_hil.recording",
+        "khepera_hil.wheels",
     },
     "khepera_hil.checkup": {
         "khepera_hil.budget",
@@ -218,6 +229,7 @@ TABLE: dict[str, set[str]] = {
         "pyarrow",
     },
     "khepera_hil.follower": set(),
+    "khepera_hil.apart": {"khepera_hil.follower"},
     "khepera_hil.viewer": {
         "khepera_hil.viewer",
         "khepera_hil.follower",

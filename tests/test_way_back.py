@@ -163,7 +163,7 @@ def test_a_line_may_be_lost_again_while_it_is_found(tmp_path: Path) -> None:
             raise PortError("there is no port")
         return Khepera(Link(robots.pop(0), line.clock, baud=38400))
 
-    line.bench.service._reopen = reopen
+    line.bench.service._way_back._reopen = reopen
     line.bench.service.run(line.bench.recording, duration=6.0)
     assert line.bench.service.losses >= 2
     assert line.bench.ticks()[-1]["state"] == "running"

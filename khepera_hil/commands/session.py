@@ -15,6 +15,7 @@ from urllib.parse import parse_qsl, urlsplit
 import serial
 
 from khepera_hil import chance
+from khepera_hil.apart import Apart
 from khepera_hil.budget import plan
 from khepera_hil.clock import Clock, WallClock
 from khepera_hil.commands.address import world_of
@@ -173,16 +174,18 @@ def _run(
     try:
         print(f"{asked.program} on {asked.port}: Khepera {versions[0]}, seed {seed}, recording {recording.folder}")
         rows = ROWS_FAST if clock.simulated else ROWS_WALL
-        opening = partial(open_file, recording.folder / FILE, recording.manifest, rows=rows)
-        viewer: Follower[Tick] = Follower(opening, name=FILE, waits=clock.simulated)
+        viewer = _following(
+            open_file, FILE, clock, path=recording.folder / FILE, manifest=recording.manifest, rows=rows
+        )
         recording.follow(viewer)
         if listener is not None:
             recording.follow(listener)
         viewer.wait_until_open()
         if live is not None:
             page = asked.serve is not None
-            looking = partial(open_live, recording.manifest, live, page=page, window=asked.view)
-            recording.follow(Follower(looking, name="the live view", waits=clock.simulated))
+            manifest = recording.manifest
+            looking = {"manifest": manifest, "where": live, "page": page, "window": asked.view}
+            recording.follow(_following(open_live, "the live view", clock, **looking))
             if page:
                 print(f"look on at {live.page} or by: {called('rerun')} {live.stream}")
         if sys.stdout is not None:  # nobody looks where it was closed
@@ -203,6 +206,16 @@ def _run(
         raise failure
     if not service.rested:
         raise NoAnswer("the robot did not acknowledge the order to stop: see that its wheels stand still")
+
+
+def _following(
+    opening: Callable[..., Any], name: str, clock: Clock, **arguments: Any
+) -> Apart[Tick] | Follower[Tick]:
+    """Who makes what is derived from the log: beside the loop where the loop has deadlines, else in a thread, for
+    which the loop waits."""
+    if clock.simulated:
+        return Follower(partial(opening, **arguments), name=name, waits=True)
+    return Apart(f"{opening.__module__}:{opening.__qualname__}", arguments, name=name)
 
 
 @contextmanager

@@ -317,6 +317,29 @@ def test_a_line_that_never_falls_silent_is_given_up_in_time() -> None:
     assert b"N" not in port.written
 
 
+PROBED = QUIET + wire_seconds(2 + 21, BAUD) + MARGIN + SILENCE
+"""Seconds that an attempt to come in step again may take at the most: K has the longest answer of the probes."""
+
+
+@pytest.mark.parametrize("left", [0.25, 0.1, 0.06, 0.02, 0.0, -0.05])
+@pytest.mark.parametrize("noise", [0.01, 0.05, 0.2, 6.0])
+def test_to_come_in_step_again_takes_no_deadline_of_the_callers(left: float, noise: float) -> None:
+    """But for the first attempt, which there always is: a loop that is late would else never come back."""
+    clock = SimulatedClock()
+    clock.sleep_until(1.0)
+    port = FaultyRobot(clock, np.random.default_rng(0), rate=0.0)
+    link = Link(port, clock, baud=BAUD)
+    link.resynchronise()
+    link.ask("N")
+    began = clock.now()
+    link.until = began + left
+    port.come(b"\x55" * round(noise / wire_seconds(1, BAUD)))
+    with contextlib.suppress(RobotError):
+        link.resynchronise()
+    assert clock.now() - began <= max(left, PROBED) + 1e-9
+    assert link.synchronised or noise > min(left, RESYNCHRONISATION) - PROBED
+
+
 def test_a_letter_that_the_program_asked_last_is_not_the_probe() -> None:
     link, port = conversation(
         *SYNCHRONISED, Turn(b"K\n"), Turn(b"\n"), Turn(b"E\n", b"e,0,0\r\n"), Turn(b"K\n", b"k,0,0,0,0,0,0\r\n")

@@ -12,6 +12,7 @@ import sys
 import termios
 import threading
 import time
+import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -90,6 +91,24 @@ def test_a_signal_stops_the_wheels_closes_the_recording_and_is_no_failure(tmp_pa
         # The wheels were told to stop; what may be left of the motion is their own inertia, and that ends.
         answers = [speeds(link) for _ in range(20)]
         assert answers[-1] == b"e,0,0\r\n", answers
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_the_robot_is_silent_is_no_failure(tmp_path: Path, number: int) -> None:
+    master, slave = pty.openpty()  # a line with nobody at its other end
+    tty.setraw(slave)
+    try:
+        process = start("--port", os.ttyname(slave), cwd=tmp_path)
+        os.read(master, 1)  # it speaks, so it hears signals
+        process.send_signal(number)
+        out, err = process.communicate(timeout=LONG)
+    finally:
+        os.close(master)
+        os.close(slave)
+    assert process.returncode == 0, err
+    assert "stopped (signal) before a robot was found" in err
+    assert out == ""
+    assert not (tmp_path / "runs").exists()
 
 
 def test_a_port_in_use_is_told_as_such(tmp_path: Path) -> None:
