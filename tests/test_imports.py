@@ -155,9 +155,15 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.uart",
         "khepera_hil.world",
     },
-    "khepera_hil.disturbed": {"khepera_hil.emulator", "khepera_hil.faults", "khepera_hil.world"},
-    "khepera_hil.ports": {
+    "khepera_hil.disturbed": {
         "khepera_hil.chance",
+        "khepera_hil.emulator",
+        "khepera_hil.faults",
+        "khepera_hil.faultspec",
+        "khepera_hil.world",
+    },
+    "khepera_hil.ports": {
+        "khepera_hil.ports",
         "khepera_hil.clock",
         "khepera_hil.disturbed",
         "khepera_hil.faults",
