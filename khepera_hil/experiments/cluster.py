@@ -74,6 +74,8 @@ class Cluster:
         """How many more cases can be tried at this moment: one for each worker, so that none waits behind one that
         will kill its worker.
         """
+        if not self._ended.empty():
+            return 0  # a result is with its worker until it is fetched, and the next case might kill that
         able = bool(self._able())
         if self._there and not able:
             self._say("there are no workers any more; it goes on when some come")
