@@ -12,7 +12,6 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import CancelledError
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -56,6 +55,7 @@ class Cluster:
         self._known: list[str] = []
         self._workers_there = 0
         self._there = True
+        self._cancelled = False
         try:
             self._first_workers()
         except BaseException:
@@ -74,6 +74,8 @@ class Cluster:
         """How many more cases can be tried at this moment: one for each worker, so that none waits behind one that
         will kill its worker.
         """
+        if not self._ended.empty():
+            return 0  # a result is with its worker until it is fetched, and the next case might kill that
         able = bool(self._able())
         if self._there and not able:
             self._say("there are no workers any more; it goes on when some come")
@@ -102,9 +104,11 @@ class Cluster:
             found.append(self._ended.get(timeout=seconds))
             while True:
                 found.append(self._ended.get_nowait())
-        if not found and self._client.status != "running":
-            raise self._gone()
-        return [self._one(future, self._running.pop(future)) for future in found]
+        ended = [self._one(future, self._running.pop(future)) for future in found if not future.cancelled()]
+        self._cancelled = self._cancelled or len(ended) < len(found)
+        if not ended and (self._cancelled or self._client.status != "running"):
+            raise self._gone()  # dask cancels what its scheduler has taken with it; what had ended comes first
+        return ended
 
     def close(self) -> None:
         """Give up what is under way; the workers stay, they are not ours."""
@@ -120,8 +124,6 @@ class Cluster:
             said = future.result(timeout=_PATIENCE)
         except KilledWorker:  # several, one after the other: the scheduler has tried it again itself
             return Ended(case, died="died, and so did those that took its place", again=False)
-        except (CancelledError, TimeoutError):
-            raise self._gone() from None
         except Exception as error:  # noqa: BLE001  (the trial's own, or dask's)
             return Ended(case, error=error)
         worker, result, wrong = said
@@ -137,7 +139,11 @@ class Cluster:
         if time.monotonic() - self._looked < _LOOK:
             return self._known
         self._looked = time.monotonic()
-        threads = self._client.nthreads()
+        try:
+            threads = self._client.nthreads()
+        except OSError:  # the scheduler has gone; what has ended is to be had all the same
+            self._known = []
+            return self._known
         if new := set(threads) - set(self._workers):
             answers = self._client.run(_is, self._trial.module, workers=sorted(new), on_error="return", nanny=False)
             for worker, answer in answers.items():

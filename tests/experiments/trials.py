@@ -25,12 +25,12 @@ def trial(case: Case) -> Result:
     (folder / f"pid-{seed}").write_text(str(os.getpid()))
     _note(folder / "begun", seed)
     begun = (folder / "begun").read_text().split().count(str(seed))
+    if case.get("held"):
+        until((folder / "go").exists)
     if begun <= case.get("deaths", 0):
         os.kill(os.getpid(), signal.SIGKILL)
     if case.get("fails"):
         raise ZeroDivisionError("as it was told")
-    if case.get("held"):
-        until((folder / "go").exists)
     _note(folder / "done", seed)
     return {"twice": 2 * seed, "half": seed / 2, "name": f"n{seed}", "seed": str(seed), "list": [seed, {"a": None}]}
 
