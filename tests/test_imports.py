@@ -242,7 +242,16 @@ TABLE: dict[str, set[str]] = {
         "scipy",  # late
         "evdev",  # late: an extra
     },
-    "khepera_hil.experiments": {"khepera_hil", "brp", "numpy", "scipy", "serial", "rerun"},
+    "khepera_hil.experiments": {
+        "khepera_hil",
+        "brp",
+        "numpy",
+        "scipy",
+        "serial",
+        "rerun",
+        "pyarrow",  # late
+        "distributed",  # late: an extra
+    },
     "khepera_hil.commands": {"khepera_hil", "brp", "numpy", "serial"},
     "khepera_hil.__main__": {"khepera_hil"},
 }
