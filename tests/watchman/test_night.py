@@ -14,8 +14,8 @@ from khepera_hil.__main__ import outcome
 from khepera_hil.controllers.watchman import Watchman
 from khepera_hil.errors import WorldError
 from khepera_hil.experiments import weathercock
+from khepera_hil.experiments.agreement import Agreement
 from khepera_hil.experiments.nights import night
-from khepera_hil.experiments.tally import Agreement
 from khepera_hil.experiments.trial import drive
 from khepera_hil.world import World
 
