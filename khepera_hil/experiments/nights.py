@@ -10,6 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from khepera_hil.world import World
+from khepera_hil.world.shapes import Shape, disc, gap
+
 __all__ = ["CALL", "FIRE_LASTS", "SHORT", "Night", "night", "short_night"]
 
 CALL = 240.0
@@ -17,6 +20,7 @@ CALL = 240.0
 
 _FREE = 330.0  # mm from the base's corner within which nothing is lit or put down
 _FROM_WALL = 130.0
+_FROM_THINGS = 70.0  # mm: a fire inside a cupboard nobody can blow out
 _SIDE = 1000.0
 FIRE_LASTS = 900.0
 """Seconds after which a fire has burned down."""
@@ -52,11 +56,11 @@ class Night:
 
 def night(seed: int, seconds: float, world: str) -> Night:
     """One of ``seconds`` in ``world``, a floor of 1 m by 1 m with its base in the corner at the origin."""
-    rng = _chance(seed)
+    rng, floor = _chance(seed), _Floor.of(world, seed)
     events: list[_Event] = [(0.0, _order("vigil", on=True))]
     calls = []
     for number, moment in enumerate(_moments(rng, seconds, 300.0)):
-        events.append(_fire(rng, moment, number, real=rng.random() < 0.75))
+        events.append(_fire(rng, floor, moment, number, real=rng.random() < 0.75))
     for number, moment in enumerate(_moments(rng, seconds, 60.0)):
         events.append(_mover(rng, moment, number))
     for moment in _moments(rng, seconds, 900.0):
@@ -77,7 +81,7 @@ def short_night(seed: int, world: str) -> Night:
     What else happens is the same: movers, and now and then a bulb that is shaken, an order to identify, a box, a
     broken sensor.
     """
-    rng = _chance(seed)
+    rng, floor = _chance(seed), _Floor.of(world, seed)
     events: list[_Event] = [(0.0, _order("vigil", on=True))]
     calls = []
     moment = float(rng.uniform(15, SHORT - _SHORTEST_FIRE))
@@ -85,11 +89,11 @@ def short_night(seed: int, world: str) -> Night:
         calls.append(moment)
         events.append((moment, _order("vigil", on=False)))
     else:
-        events.append(_fire(rng, moment, 0, real=True))
+        events.append(_fire(rng, floor, moment, 0, real=True))
     for number, moment in enumerate(_moments(rng, SHORT, 30.0)):
         events.append(_mover(rng, moment, number))
     if rng.random() < 0.3:
-        events.append(_fire(rng, float(rng.uniform(20, SHORT)), 0, real=False))
+        events.append(_fire(rng, floor, float(rng.uniform(20, SHORT)), 0, real=False))
     if rng.random() < 0.3:
         events.append((float(rng.uniform(20, SHORT)), _order("identify", on=True)))
     if rng.random() < 0.3:
@@ -119,9 +123,9 @@ def _night(
     return Night("\n".join(lines) + "\n", seconds, tuple(calls), given)
 
 
-def _fire(rng: np.random.Generator, moment: float, number: int, *, real: bool) -> _Event:
+def _fire(rng: np.random.Generator, floor: _Floor, moment: float, number: int, *, real: bool) -> _Event:
     """A flame, or a bulb that is shaken."""
-    x, y = _place(rng)
+    x, y = floor.place(rng)
     name, lasts = ("fire", FIRE_LASTS) if real else ("bulb", _SHAKEN)
     body = f"at_mm = [{x}, {y}]\nreal = {str(real).lower()}\nlasts_s = {lasts}"
     return moment, f'kind = "fire"\nname = "{name} {number % _NAMES}"\n{body}'
@@ -175,9 +179,20 @@ def _door(rng: np.random.Generator, off: int = 45) -> list[int]:
     return [[off, along], [along, off], [there, along], [along, there]][side]
 
 
-def _place(rng: np.random.Generator) -> tuple[int, int]:
-    """Somewhere on the floor, but not before the base."""
-    while True:
-        x, y = rng.uniform(_FROM_WALL, _SIDE - _FROM_WALL, 2)
-        if x > _FREE or y > _FREE:
-            return round(float(x)), round(float(y))
+@dataclass(frozen=True)
+class _Floor:
+    """Where fires can be: on the floor, and neither before the base nor where something stands in the way."""
+
+    things: tuple[Shape, ...]
+
+    @classmethod
+    def of(cls, world: str, seed: int) -> _Floor:
+        layout = World(world, seed).layout
+        return cls(tuple(shape for shape in layout.shapes if shape.name not in layout.shelved))
+
+    def place(self, rng: np.random.Generator) -> tuple[int, int]:
+        while True:
+            x, y = (round(float(value)) for value in rng.uniform(_FROM_WALL, _SIDE - _FROM_WALL, 2))
+            flame = disc("flame", "flame", 0.0, (float(x), float(y), 0.0), 0.0)
+            if max(x, y) > _FREE and all(gap(flame, thing) >= _FROM_THINGS for thing in self.things):
+                return x, y

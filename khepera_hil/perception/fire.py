@@ -148,6 +148,8 @@ class Fire:
         self._seen = 0
         self._ignore = ignore
         self._driven = None
+        self._fits.clear()  # what flickered a moment ago was this one
+        self.flicker = self.explained = 0.0
         self.events.append(why)
 
     def _measure(self, brightness: list[int] | None) -> None:

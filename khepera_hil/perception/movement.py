@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 from itertools import accumulate
 from math import sqrt
-from statistics import fmean, median
+from statistics import fmean, median, quantiles
 
 __all__ = ["CALIBRATE", "SETTLE", "Movement"]
 
@@ -22,19 +22,21 @@ _STOPS = 15  # of which the noise is the median: it is the camera's, and in most
 _MEDIAN = 0.789  # of a chi-square with CALIBRATE - 1 degrees of freedom, over these
 _FRAMES = (1, 2, 4)  # that are taken together, the last ones
 _CELLS = (1, 2, 3)  # neighbours that are
-_DEVIATIONS = 4.8
+_DEVIATIONS = 3.8
+_EXPOSURE = 0.12  # share by which it may still change while the robot stands
 _IN_A_ROW = 2
 
 
 class Movement:
     """What is new before the still picture: it moves, or it has come (proposed).
 
-    The still picture is the mean of the first frames of a stop. A frame is first brought to its exposure, by the
-    median of what each cell has become, so that neither a lamp that flickers nor the camera's own adaptation is a
-    movement. Then up to three neighbouring cells in up to four frames that have together changed by more than the
-    noise allows, twice in a row, are one: what is near is wide and soon past, what is far is a cell or two, hardly
-    darker than what is behind it, and stays. The noise is known from the stops before: what moves while the still
-    picture is taken must not pass for noise.
+    The still picture is the mean of the first frames of a stop. While the camera's exposure settles, cells become
+    brighter or darker by the same share, but for those at their ceiling, which stay as they are; so what lies
+    between the quartiles of what the cells have become, and not farther than an exposure can still go, is no
+    change. Up to three neighbouring cells in up to four frames that have together changed by more than the noise allows,
+    twice in a row, are a movement: what is near is wide and soon past, what is far is a cell or two, hardly darker
+    than what is behind it, and stays. The noise is known from the stops before: what moves while the still picture
+    is taken must not pass for noise.
 
     One alarm is given in a stop.
     """
@@ -50,8 +52,7 @@ class Movement:
         self._still = self._high = 0
         self._frames: list[list[float]] = []
         self._picture: list[float] = []
-        self._off: deque[list[float]] = deque(maxlen=max(_FRAMES))
-        """What the last frames differ from the still picture by."""
+        self._last: deque[Sequence[int]] = deque(maxlen=max(_FRAMES))
         self._told = False
 
     def step(self, frame: Sequence[int] | None, *, standing: bool) -> bool:
@@ -71,8 +72,7 @@ class Movement:
             if len(self._frames) == CALIBRATE:
                 self._look_at(self._frames)
             return False
-        gain = median(now / max(then, 1.0) for now, then in zip(frame, self._picture, strict=True)) or 1.0
-        self._off.append([now / gain - then for now, then in zip(frame, self._picture, strict=True)])
+        self._last.append(frame)
         self.changed = self._most() / max(_NOISE, median(self._spreads))
         self._high = self._high + 1 if self.changed > _DEVIATIONS else 0
         if self._told or self._high < _IN_A_ROW:
@@ -82,12 +82,21 @@ class Movement:
 
     def _most(self) -> float:
         """The greatest change, over all cells and frames that are taken together, in units of one cell's noise."""
+        latest = list(reversed(self._last))
+        now = list(map(fmean, zip(*latest, strict=True)))
+        lower, _, upper = quantiles(new / max(old, 1.0) for new, old in zip(now, self._picture, strict=True))
+        darkest = max(min(lower, 1.0), 1 - _EXPOSURE)
+        brightest = min(max(upper, 1.0), 1 + _EXPOSURE)
         most = 0.0
-        latest = list(reversed(self._off))
         for count in _FRAMES:
             if count > len(latest):
                 break
-            sums = [0.0, *accumulate(map(fmean, zip(*latest[:count], strict=True)))]
+            together = map(fmean, zip(*latest[:count], strict=True))
+            changes = (
+                new - min(max(new, darkest * old), brightest * old)
+                for new, old in zip(together, self._picture, strict=True)
+            )
+            sums = [0.0, *accumulate(changes)]
             alone = sqrt(1 / count + 1 / CALIBRATE)
             for cells in _CELLS:
                 change = max(abs(b - a) for a, b in zip(sums, sums[cells:], strict=False))
@@ -96,9 +105,7 @@ class Movement:
 
     def _look_at(self, frames: Sequence[Sequence[float]]) -> None:
         """The still picture, and the noise that is in it: that of the cell in the middle."""
-        means = [fmean(frame) or 1.0 for frame in frames]
-        even = [[value * means[-1] / mean for value in frame] for frame, mean in zip(frames, means, strict=True)]
-        cells = list(zip(*even, strict=True))
+        cells = list(zip(*frames, strict=True))
         self._picture = [fmean(cell) for cell in cells]
         squares = (
             sum((value - mean) ** 2 for value in cell) / (len(cell) - 1)
