@@ -25,12 +25,12 @@ _SIDE = 1000.0
 FIRE_LASTS = 900.0
 """Seconds after which a fire has burned down."""
 
-SHORT = 300.0
-"""Seconds of a short night."""
+SHORT = 600.0
+"""Seconds of a short night at the most: it is over when its fire is out, or its call answered."""
 
 _SHAKEN = 40.0
 _COMPRESSION = 8.0  # of the battery's time: half an hour becomes four minutes
-_SHORTEST_FIRE = 240.0  # s that a fire of a short night has
+_EARLY = 60.0  # s, in which a short night's fire is lit or its call comes
 
 _NAMES = 12
 """Fires have so many names, and movers and boxes fewer: what has gone comes again, and the world of a long night
@@ -84,7 +84,7 @@ def short_night(seed: int, world: str) -> Night:
     rng, floor = _chance(seed), _Floor.of(world, seed)
     events: list[_Event] = [(0.0, _order("vigil", on=True))]
     calls = []
-    moment = float(rng.uniform(15, SHORT - _SHORTEST_FIRE))
+    moment = float(rng.uniform(15, _EARLY))
     if seed % 2:
         calls.append(moment)
         events.append((moment, _order("vigil", on=False)))
@@ -93,14 +93,14 @@ def short_night(seed: int, world: str) -> Night:
     for number, moment in enumerate(_moments(rng, SHORT, 30.0)):
         events.append(_mover(rng, moment, number))
     if rng.random() < 0.3:
-        events.append(_fire(rng, floor, float(rng.uniform(20, SHORT)), 0, real=False))
+        events.append(_fire(rng, floor, float(rng.uniform(20, SHORT / 2)), 0, real=False))
     if rng.random() < 0.3:
-        events.append((float(rng.uniform(20, SHORT)), _order("identify", on=True)))
+        events.append((float(rng.uniform(20, SHORT / 2)), _order("identify", on=True)))
     if rng.random() < 0.3:
-        events += _box(rng, float(rng.uniform(20, SHORT)), 0)
+        events += _box(rng, float(rng.uniform(20, SHORT / 2)), 0)
     if rng.random() < 0.3:
-        events += _broken(rng, float(rng.uniform(20, SHORT)))
-    return _night(f"a short night, seed {seed}", world, SHORT, events, calls, _SHORTEST_FIRE, 1.0)
+        events += _broken(rng, float(rng.uniform(20, SHORT / 2)))
+    return _night(f"a short night, seed {seed}", world, SHORT, events, calls, SHORT - _EARLY, 1.0)
 
 
 def _chance(seed: int) -> np.random.Generator:

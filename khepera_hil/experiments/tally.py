@@ -96,13 +96,16 @@ class Tally:
         self._look(tick)
         self.agreements.hear(tick)
 
+    @property
+    def settled(self) -> bool:
+        """Whether a fire or a call that counts has had its end."""
+        return bool(self.burned or self.let_burn or self.answered)
+
     def figures(self) -> dict[str, Any]:
         """Everything, as JSON has it."""
-        end = self.plan.seconds
         burning = sum(self._counts(lit) for lit in self._lit.values())
         return {
             "ticks": self.ticks,
-            "due": round(10 * end),
             "blind": self.blind,
             "behaviors": dict(self.behaviors),
             "moves": dict(self.moves),

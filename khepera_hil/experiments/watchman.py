@@ -27,7 +27,7 @@ from khepera_hil.experiments.experiment import Experiment, Report
 from khepera_hil.experiments.figures import Figure, counted, rate, share
 from khepera_hil.experiments.nights import SHORT, night, short_night
 from khepera_hil.experiments.tally import Tally
-from khepera_hil.experiments.trial import Trial, drive
+from khepera_hil.experiments.trial import PERIOD, Trial, drive
 from khepera_hil.recording import Tick
 
 __all__ = ["DAYS", "experiment"]
@@ -37,6 +37,7 @@ DAYS = 3
 
 _FAIR, _RANDOM = "watchman", "furnished"  # arenas
 _BASE = (0.18, 0.18)
+_AT_LEAST = 120.0  # s of a short night, so that there are stops in it
 _HOURS = 30.0  # of which it is told how long they take
 
 
@@ -75,14 +76,14 @@ def trial(case: Case) -> Result:
     def watch(tick: Tick, trial: Trial) -> bool:
         trial.ticks.clear()  # ten hours of them would not fit anywhere
         tallies[0].hear(tick)
-        return False
+        return world == _RANDOM and tallies[0].settled and tick.t >= _AT_LEAST
 
-    began, stopped = (time.perf_counter(), time.process_time()), ""
+    began, stopped, over = (time.perf_counter(), time.process_time()), "", False
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "night.toml"
         path.write_text(plan.text)
         try:
-            drive(
+            over = drive(
                 make,
                 world=world,
                 seed=seed,
@@ -90,15 +91,17 @@ def trial(case: Case) -> Result:
                 watch=watch,
                 record=Path(str(case["record"])) if "record" in case else None,
                 options={"scenario": str(path)},
-            )
+            ).stopped
         except KheperaHilError as error:
             if not tallies:
                 raise  # it did not even begin
             stopped = str(error)
+    ticks = tallies[0].ticks
     return {
         **tallies[0].figures(),
         "score": dict(tallies[0].witness.score()),
-        "hours": seconds / 3600,
+        "hours": ticks * PERIOD / 3600,
+        "lost": 0 if over else round(seconds / PERIOD) - ticks,
         "stopped": stopped,
         "wall_s": round(time.perf_counter() - began[0], 1),
         "processor_s": round(time.process_time() - began[1], 1),
@@ -124,7 +127,7 @@ def _figures(what: str, nights: Sequence[Result]) -> list[Figure]:
     fires = [seconds for one in nights for seconds in one["burned"]]
     fought = [True] * len(fires) + [False] * sum(int(one["let_burn"]) for one in nights)
     seen, glimpsed, answered = ([bool(hit) for one in nights for hit in one[key]] for key in _HITS)
-    lost = sum(int(one["due"]) - int(one["ticks"]) for one in nights)
+    lost = sum(int(one["lost"]) for one in nights)
     return [
         counted(f"{what}: hours", hours),
         counted(

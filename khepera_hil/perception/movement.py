@@ -33,10 +33,10 @@ class Movement:
     The still picture is the mean of the first frames of a stop. While the camera's exposure settles, cells become
     brighter or darker by the same share, but for those at their ceiling, which stay as they are; so what lies
     between the quartiles of what the cells have become, and not farther than an exposure can still go, is no
-    change. Up to three neighbouring cells in up to four frames that have together changed by more than the noise allows,
-    twice in a row, are a movement: what is near is wide and soon past, what is far is a cell or two, hardly darker
-    than what is behind it, and stays. The noise is known from the stops before: what moves while the still picture
-    is taken must not pass for noise.
+    change. Up to three neighbouring cells in up to four frames that have together changed by more than the noise
+    allows, twice in a row, are a movement: what is near is wide and soon past, what is far is a cell or two, hardly
+    darker than what is behind it, and stays. The noise is known from the stops before: what moves while the still
+    picture is taken must not pass for noise.
 
     One alarm is given in a stop.
     """
