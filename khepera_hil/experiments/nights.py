@@ -6,7 +6,9 @@ put down and taken away, sensors break and are mended. All of it is drawn from t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import hypot
 
 import numpy as np
 
@@ -36,6 +38,10 @@ _NAMES = 12
 """Fires have so many names, and movers and boxes fewer: what has gone comes again, and the world of a long night
 stays small. Fires come a hundred seconds apart at the least, so that none is lit while its namesake burns."""
 
+_PLACES = 4  # on a mover's way
+_TRIES = 200
+_WIDTH = 30.0  # mm: half of a mover, and some room
+
 _AT_ONCE = 3
 _MASSES = (60, 150, 400)  # g, of the boxes
 
@@ -62,7 +68,7 @@ def night(seed: int, seconds: float, world: str) -> Night:
     for number, moment in enumerate(_moments(rng, seconds, 300.0)):
         events.append(_fire(rng, floor, moment, number, real=rng.random() < 0.75))
     for number, moment in enumerate(_moments(rng, seconds, 60.0)):
-        events.append(_mover(rng, moment, number))
+        events.append(_mover(rng, floor, moment, number))
     for moment in _moments(rng, seconds, 900.0):
         calls.append(moment)
         events += [(moment, _order("vigil", on=False)), (moment + CALL, _order("vigil", on=True))]
@@ -91,7 +97,7 @@ def short_night(seed: int, world: str) -> Night:
     else:
         events.append(_fire(rng, floor, moment, 0, real=True))
     for number, moment in enumerate(_moments(rng, SHORT, 30.0)):
-        events.append(_mover(rng, moment, number))
+        events.append(_mover(rng, floor, moment, number))
     if rng.random() < 0.3:
         events.append(_fire(rng, floor, float(rng.uniform(20, SHORT / 2)), 0, real=False))
     if rng.random() < 0.3:
@@ -131,9 +137,9 @@ def _fire(rng: np.random.Generator, floor: _Floor, moment: float, number: int, *
     return moment, f'kind = "fire"\nname = "{name} {number % _NAMES}"\n{body}'
 
 
-def _mover(rng: np.random.Generator, moment: float, number: int) -> _Event:
-    """It comes in beside a wall and goes from place to place."""
-    path = [_door(rng), *([round(float(value)) for value in rng.uniform(50, _SIDE - 50, 2)] for _ in range(3))]
+def _mover(rng: np.random.Generator, floor: _Floor, moment: float, number: int) -> _Event:
+    """It comes in beside a wall and goes from place to place, round what stands there."""
+    path = floor.path(rng)
     body, speed = str(rng.choice(["mouse", "ball"])), rng.uniform(60, 200)
     way = f"speed_mm_s = {speed:.0f}\nrounds = 2\npath_mm = {path}"
     return moment, f'kind = "mover"\nname = "{body} {number % _AT_ONCE}"\nbody = "{body}"\n{way}'
@@ -181,7 +187,7 @@ def _door(rng: np.random.Generator, off: int = 45) -> list[int]:
 
 @dataclass(frozen=True)
 class _Floor:
-    """Where fires can be: on the floor, and neither before the base nor where something stands in the way."""
+    """Where fires can be, and movers go: on the floor, and not where something stands in the way."""
 
     things: tuple[Shape, ...]
 
@@ -191,8 +197,34 @@ class _Floor:
         return cls(tuple(shape for shape in layout.shapes if shape.name not in layout.shelved))
 
     def place(self, rng: np.random.Generator) -> tuple[int, int]:
+        """Of a fire: not before the base either."""
         while True:
             x, y = (round(float(value)) for value in rng.uniform(_FROM_WALL, _SIDE - _FROM_WALL, 2))
             flame = disc("flame", "flame", 0.0, (float(x), float(y), 0.0), 0.0)
             if max(x, y) > _FREE and all(gap(flame, thing) >= _FROM_THINGS for thing in self.things):
                 return x, y
+
+    def path(self, rng: np.random.Generator) -> list[list[int]]:
+        """From beside a wall to three other places; the way back to the first is as free."""
+        while True:
+            path = [_door(rng)]
+            for _ in range(_TRIES):
+                there = [round(float(value)) for value in rng.uniform(50, _SIDE - 50, 2)]
+                if self._is_free(path[-1], there) and (len(path) < _PLACES - 1 or self._is_free(there, path[0])):
+                    path.append(there)
+                if len(path) == _PLACES:
+                    return path
+
+    def _is_free(self, start: Sequence[float], end: Sequence[float]) -> bool:
+        """Whether a mover comes from one place to the other, things taken for as round as they are long."""
+        (ax, ay), (bx, by) = start, end
+        long = hypot(bx - ax, by - ay) or 1.0
+        for thing in self.things:
+            if thing.kind == "wall":
+                continue
+            x, y, _ = thing.pose
+            along = min(max(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / long, 0.0), long)
+            reach = max((hypot(*corner) for corner in thing.corners), default=0.0) + thing.radius
+            if hypot(x - ax - along * (bx - ax) / long, y - ay - along * (by - ay) / long) < reach + _WIDTH:
+                return False
+        return True
