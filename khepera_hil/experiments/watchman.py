@@ -2,7 +2,7 @@
 
 "This experiment ran without interruption, 10 hours a day for three days as a demonstration during a public science
 fair." Here the three days are simulated, one after the other or side by side, with all that can happen in a night
-(`khepera_hil.experiments.nights`); every tick goes through the bytes of the serial line. The third day is decided
+(`khepera_hil.experiments.nights`); every tick goes through the bytes of the serial line. The last day is decided
 early (section 10.4), which is the same law and draws from one description after the other, so that the draws of
 each can be held against its distributions.
 """
@@ -22,7 +22,7 @@ from khepera_hil.controllers.watchman import Watchman
 from khepera_hil.controllers.watchman_mind import EARLY, LATE
 from khepera_hil.errors import KheperaHilError
 from khepera_hil.experiments import weathercock
-from khepera_hil.experiments.campaign import Case, Result
+from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.experiment import Experiment, Report
 from khepera_hil.experiments.figures import Figure, counted, rate, share
 from khepera_hil.experiments.nights import SHORT, night, short_night
@@ -41,23 +41,25 @@ _AT_LEAST = 120.0  # s of a short night, so that there are stops in it
 _HOURS = 30.0  # of which it is told how long they take
 
 
-def experiment(hours: float = 0.0, nights: int | None = None, record: Path | None = None) -> Experiment:
-    """``hours`` of the fair in all, and so many short nights (None: one for each seed).
+def experiment(
+    hours: float = 0.0, nights: int | None = None, record: Path | None = None, days: int = DAYS
+) -> Experiment:
+    """``hours`` of the fair in all, in so many days, and so many short nights (None: one for each seed).
 
     ``record`` is where the days of the fair are recorded.
     """
     kept = {} if record is None else {"record": str(record)}
 
     def cases(seeds: Sequence[int]) -> list[Case]:
-        days: list[Case] = []
+        fair: list[Case] = []
         if hours > 0:
-            seconds = hours / DAYS * 3600
-            days = [
-                {"world": _FAIR, "seed": seeds[0] + day, "seconds": seconds, "early": day == DAYS - 1, **kept}
-                for day in range(DAYS)
+            seconds = hours / days * 3600
+            fair = [
+                {"world": _FAIR, "seed": seeds[0] + day, "seconds": seconds, "early": 0 < day == days - 1, **kept}
+                for day in range(days)
             ]
         short = range(seeds[0], seeds[0] + nights) if nights is not None else seeds
-        return [*days, *({"world": _RANDOM, "seed": 1000 + seed, "seconds": SHORT} for seed in short)]
+        return [*fair, *({"world": _RANDOM, "seed": 1000 + seed, "seconds": SHORT} for seed in short)]
 
     return Experiment("watchman", "the night watchman's nights", "10", cases, trial, report)
 
