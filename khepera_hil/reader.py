@@ -7,7 +7,7 @@ from math import inf
 from typing import NoReturn
 
 from khepera_hil.budget import SPEEDS, Plan
-from khepera_hil.errors import BadAnswer, Implausible, ProtocolError, RobotError, RobotReset
+from khepera_hil.errors import BadAnswer, Implausible, ProtocolError, Refused, RobotError, RobotReset
 from khepera_hil.khepera import Khepera
 from khepera_hil.perception import Need, Readings
 from khepera_hil.plausible import TRUST, alone, doubtful, settled, sudden
@@ -16,6 +16,12 @@ from khepera_hil.transcript import numbers
 __all__ = ["Checks", "Reader"]
 
 _OFF = 4  # units of command D by which a wheel's measured speed may miss the order before anybody is told
+_SURE = 2
+"""Times in a row that a need is refused until the robot counts as one that lacks it: a request may be garbled."""
+
+_LOOK_AGAIN = 100
+"""Ticks after which such a need is asked again: a turret may be plugged in, or have been garbled twice."""
+
 _SENSORS = ("left 90", "left 45", "left 10", "right 10", "right 45", "right 90", "back right", "back left")
 
 
@@ -59,9 +65,12 @@ class Reader:
     remarks: list[str] = field(default_factory=list)
     """What the user should know of the last tick's readings, a sentence each."""
     _believed: dict[str, _Believed] = field(default_factory=dict)
+    _refused: dict[Need, tuple[int, int]] = field(default_factory=dict)
+    """Of needs that a program can do without: how often in a row, and the tick before which they are not asked."""
 
     def read(self, tick: int) -> Readings:
-        """The readings of tick number ``tick``; a need that is not due in it is not among them.
+        """The readings of tick number ``tick``; a need that is not due in it, or that the robot lacks and the
+        program can do without, is not among them.
 
         Raises what :meth:`Khepera.proximity` raises, and Implausible. There is no other way to get a reading
         than from this tick's own answers.
@@ -75,8 +84,8 @@ class Reader:
             elif need.letter in TRUST:
                 values = self._verified(need.letter) if self.verify else self._sensors(need.letter)
                 named["proximity" if need.letter == "N" else "light"] = values
-            else:
-                answers[(need.letter, *need.values)] = self._other(need)
+            elif (other := self._other(need) if not need.without else self._if_there(need, tick)) is not None:
+                answers[(need.letter, *need.values)] = other
         return Readings(**named, answers=answers)
 
     def _sensors(self, letter: str) -> tuple[int, ...]:
@@ -111,6 +120,24 @@ class Reader:
             return numbers(need, self.khepera.link.ask(need.letter, *need.values))
         except ProtocolError as error:
             raise BadAnswer(str(error)) from error
+
+    def _if_there(self, need: Need, tick: int) -> tuple[int | str, ...] | None:
+        """A need that the program can do without; None where the robot lacks it."""
+        often, again = self._refused.get(need, (0, 0))
+        if tick < again:
+            return None
+        try:
+            values = self._other(need)
+        except Refused:
+            often += 1
+            self._refused[need] = often, tick + 1 if often < _SURE else tick + _LOOK_AGAIN
+            if often == _SURE:
+                self.remarks.append(need.without)
+            return None
+        if often >= _SURE:
+            self.remarks.append(f"{need} is answered now")
+        self._refused.pop(need, None)
+        return values
 
     def _read_back(self) -> None:
         """Compare the measured speeds with the orders of the last two ticks, between which the wheels may be."""

@@ -26,14 +26,15 @@ def name_of(request: bytes, raw: Mapping[str, str]) -> str:
 
 
 def readings(raw: Mapping[str, str], needs: Iterable[str | Need]) -> Readings | None:
-    """What a program with these needs was given in the tick; None where something that is always due is missing."""
+    """What a program with these needs was given in the tick; None where something is missing that is
+    always due and cannot be done without."""
     named: dict[str, tuple[int, ...]] = {}
     answers: dict[tuple[int | str, ...], tuple[int | str, ...]] = {}
     for need in needs:
         need = Need(need) if isinstance(need, str) else need
         name = str(need) if need.letter in "IRT" else need.letter
         texts = [raw[key] for key in (name, f"{name} 2", f"{name} 3") if key in raw]
-        if not texts and need.every > 1:
+        if not texts and (need.every > 1 or need.without):
             continue
         try:
             values = [parse_answer(need.letter, text.encode("ascii", "replace") + b"\r\n") for text in texts]

@@ -46,9 +46,11 @@ Vtrans_c = Variable("Vtrans_c", range(11))
 DirL = Variable("DirL", range(-10, 11))
 ProxL = Variable("ProxL", range(16))
 
-FAR = tuple(range(8))
-NEAR = tuple(range(8, 16))
-"""Values of ProxL: from 8 on what is ahead is taken for the flame and not for an obstacle."""
+FAR = tuple(range(12))
+NEAR = tuple(range(12, 16))
+"""Values of ProxL: from 12 on, some 120 mm from a flame, what is ahead is taken for it and not for an obstacle: its
+light shows in the proximity sensors. From 8 on, as was first proposed, the base's lamp shines over what stands
+before the robot, which then pushes."""
 
 
 def slower_near_walls(Prox: int, Vtrans_c: int) -> float:

@@ -36,6 +36,7 @@ CAMERA: tuple[int | str, ...] = (2, "T")
 """Every fourth pixel: all 64 in each tick do not fit onto the wire beside the sensors."""
 
 _ENERGY = ("I", VOLTAGE)
+_FRAME = ("T", *CAMERA)
 _EVERY = 10  # ticks from one reading of the battery's voltage to the next
 _TOUR = ("Nlt", "Nrt", "Per", "Lrl")
 _STILL = 1  # pulses that a wheel which stands still may creep in a tick
@@ -53,7 +54,9 @@ class Watchman:
     needs: Sequence[str | Need] = (
         Need("I", (VOLTAGE,), every=_EVERY),
         "H",
-        Need("T", CAMERA),
+        Need(
+            "T", CAMERA, without="no camera (K213) is fitted: nothing that moves will be seen, and no alarm given"
+        ),
         "O",
         "N",
     )
@@ -111,7 +114,7 @@ class Watchman:
         alarm = self._alarmed(readings, events)
         vrot, vtrans = cast(int, thought.draws["Vrot"]), cast(int, thought.draws["Vtrans"])
         left, right = wheels(vrot, vtrans)
-        commands = self._body.step(blow=self._memory.move == "blow", alarm=alarm)
+        commands = self._body.step(blow=self._memory.move == "blow", alarm=alarm, sees=_FRAME in readings.answers)
         return Decision(evidence, thought.answers, thought.u, thought.draws, left, right, clipped, events, commands)
 
     def _think(self, evidence: dict[str, Value], rng: np.random.Generator) -> Thought:
@@ -145,11 +148,10 @@ class Watchman:
             move=self._memory.move,
         )
         events += [("info", text) for text in self.fire.events]
-        volts = readings.answers.get(_ENERGY)
         tour = self._toured(readings, near.values["Prox"])
         evidence |= {
             "Vigil": self.vigil,
-            "Energy": self.energy.step(None if volts is None else int(volts[0])),
+            "Energy": self._charged(readings, events),
             "Fire": fire,
             "Identify": self.identify,
             **self._memory.evidence(arrived=self.fire.arrived),
@@ -162,6 +164,20 @@ class Watchman:
             **self._last_tour,
         }
         return evidence, {**around.clipped, **near.clipped}
+
+    def _charged(self, readings: Readings, events: list[tuple[str, str]]) -> str:
+        """Energy."""
+        volts = readings.answers.get(_ENERGY)
+        measured = self.energy.measured
+        energy = self.energy.step(None if volts is None else int(volts[0]))
+        if measured and not self.energy.measured:
+            events.append(
+                (
+                    "warning",
+                    f"A/D input {VOLTAGE} measures no battery that could drive a robot: Energy stays {energy}",
+                )
+            )
+        return energy
 
     def _toured(self, readings: Readings, prox: int) -> str:
         """Tour; it is done in one tick, and only while the robot follows a contour."""
@@ -205,7 +221,7 @@ class Watchman:
         left, right = (int(value) for value in readings.answers[("H",)])
         before, self._counters = self._counters, (left, right)
         standing = before is not None and max(abs(left - before[0]), abs(right - before[1])) <= _STILL
-        frame = readings.answers.get(("T", *CAMERA))
+        frame = readings.answers.get(_FRAME)
         looking = self._memory.behavior == "patrol" and self._memory.move == "stop"
         pixels = None if frame is None else [int(value) for value in frame[1:]]
         if not self.movement.step(pixels, standing=standing and looking):

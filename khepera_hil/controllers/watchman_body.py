@@ -27,8 +27,8 @@ class Body:
         self._turbine = self._led = False
         self._lit = 0
 
-    def step(self, *, blow: bool, alarm: bool) -> list[Command]:
-        """What is to be sent in this tick. ``alarm``: it sounds now."""
+    def step(self, *, blow: bool, alarm: bool, sees: bool) -> list[Command]:
+        """What is to be sent in this tick. ``alarm``: it sounds now; ``sees``: the camera has answered."""
         self._lit = _LIT if alarm else max(0, self._lit - 1)
         led = self._lit > 0
         self._since += 1
@@ -38,7 +38,8 @@ class Body:
             commands.append(("W", int(blow), _PORT))
         if self._since >= _AGAIN:
             self._since = 0
-            commands.append(_FRAMES)
+            if sees:
+                commands.append(_FRAMES)
         elif led != self._led or self._since == _AGAIN // 2:
             commands.append(("L", _LED, int(led)))
             self._led = led

@@ -4,64 +4,43 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from math import atan2, cos, degrees, pi, sin
 from typing import Any
 
-import numpy as np
-
-from khepera_hil.experiments.nights import CALL
+from khepera_hil.experiments.agreement import Agreements
+from khepera_hil.experiments.nights import CALL, FIRE_LASTS, Night
 from khepera_hil.perception.movement import CALIBRATE, SETTLE
-from khepera_hil.recording import Tick
+from khepera_hil.recording import Pose, Tick
 
-__all__ = ["LOOKING", "Agreement", "Tally"]
+__all__ = ["LOOKING", "Tally", "resolved"]
 
 LOOKING = SETTLE + CALIBRATE
 """Ticks of a stop after which the watchman looks: it has settled, and knows what a still picture is."""
 
 _SEEN = 3  # ticks in view and moving, while it looks, of a mover that should be noticed
+_HALF_FIELD = 18.0  # degrees to each side
+_CELL = 2.25  # degrees from one cell that is read to the next
+_AHEAD = 0.013  # m that the camera is before the robot's middle
 _PATIENCE = 180.0  # s that a watchman may take to be in its base when it was called in
-_PERIOD = 0.1
 
 
-class Agreement:
-    """Whether draws agree with the distributions that they were drawn from: Pearson's chi-square of the sums.
+def resolved(bearings: list[float]) -> bool:
+    """Whether a mover that was in view at these bearings (degrees, 0 ahead), a tick each, can be told to move.
 
-    With the covariance of the sums, since each tick has its own distribution.
+    Its middle is in the field for three ticks, and goes from one cell that is read to the next or farther. What
+    comes straight on, or shows an edge at the picture's rim, does not move in the picture.
     """
-
-    def __init__(self) -> None:
-        self.drawn: np.ndarray[Any, Any] | None = None
-
-    def add(self, p: np.ndarray[Any, Any], place: int) -> None:
-        """One draw, of value number ``place``."""
-        if self.drawn is None:
-            self.drawn = np.zeros(len(p))
-            self.expected = np.zeros(len(p))
-            self.square = np.zeros((len(p), len(p)))
-        self.drawn[place] += 1
-        self.expected += p
-        self.square += np.outer(p, p)
-
-    def chi2(self) -> tuple[float, int]:
-        """The statistic and its degrees of freedom."""
-        if self.drawn is None:
-            return 0.0, 0
-        covariance = np.diag(self.expected) - self.square
-        known = np.diag(covariance) >= 5  # of a value that is hardly ever in doubt nothing can be said
-        if known.sum() < 1:
-            return 0.0, 0
-        some = covariance[np.ix_(known, known)]
-        off = (self.drawn - self.expected)[known]
-        rank = int(np.linalg.matrix_rank(some))
-        return float(off @ np.linalg.pinv(some, hermitian=True) @ off), rank
+    inside = [bearing for bearing in bearings if abs(bearing) <= _HALF_FIELD]
+    return len(inside) >= _SEEN and max(inside) - min(inside) >= _CELL
 
 
 @dataclass
 class Tally:
-    """Hears of each tick. ``calls`` are the moments at which the watchman was called in."""
+    """Hears of each tick of a night."""
 
     witness: Any
     controller: Any
-    calls: tuple[float, ...]
+    plan: Night
     base: tuple[float, float]
     """The base is a square from the origin to this corner, m."""
     ticks: int = 0
@@ -69,25 +48,29 @@ class Tally:
     behaviors: Counter[str] = field(default_factory=Counter)
     moves: Counter[str] = field(default_factory=Counter)
     energy: Counter[str] = field(default_factory=Counter)
+    out: Counter[str] = field(default_factory=Counter)
+    """Ticks out of the base with Vigil, no Fire and no order to identify, by the level of Energy."""
     changes: Counter[str] = field(default_factory=Counter)
-    """Of Behavior, by the level of Energy."""
+    """Of Behavior, in those ticks."""
     events: Counter[str] = field(default_factory=Counter)
     least_charge: float = 1.0
     burned: list[float] = field(default_factory=list)
-    """Seconds that the fires burned that were put out."""
+    """Seconds that the fires burned that were put out, of those that count."""
     let_burn: int = 0
-    """Fires that burned down."""
+    """Fires that count and were not put out."""
     looked: int = 0
     """Stops in which it looked."""
-    with_mover: int = 0
-    noticed: int = 0
+    glimpsed: list[bool] = field(default_factory=list)
+    """Whether there was an alarm, of each stop with a mover in view, be it at the rim of the picture."""
+    seen: list[bool] = field(default_factory=list)
+    """The same, of those in which the camera can tell that it moves."""
     answered: list[bool] = field(default_factory=list)
-    """Whether it was in its base in time, for each call."""
-    agreements: dict[str, Agreement] = field(default_factory=dict)
+    """Whether it was in its base in time, of each call that found it outside."""
+    agreements: Agreements = field(default_factory=Agreements)
     _behavior: str | None = None
     _lit: dict[str, float] = field(default_factory=dict)
     _stop: int = 0
-    _in_view: Counter[str] = field(default_factory=Counter)
+    _bearings: dict[str, list[float]] = field(default_factory=dict)
     _alarmed: bool = False
     _call: float | None = None
     _next_call: int = 0
@@ -101,38 +84,57 @@ class Tally:
             self.events[text if level in ("info", "alarm") and len(text) < 50 else level] += 1
         if not tick.draws:
             self.blind += 1
+            self._behavior = None
             return
         behavior, energy = str(tick.draws["Behavior"]), str(tick.evidence["Energy"])
         self.behaviors[behavior] += 1
         self.moves[str(tick.draws["Move"])] += 1
         self.energy[energy] += 1
-        self.changes[energy] += self._behavior not in (None, behavior)
-        self._behavior = behavior
+        self._turns(tick, behavior, energy)
         if self.controller.energy.charge is not None:
             self.least_charge = min(self.least_charge, self.controller.energy.charge)
         self._look(tick)
-        self._agree(tick)
+        self.agreements.hear(tick)
+
+    @property
+    def settled(self) -> bool:
+        """Whether a fire or a call that counts has had its end."""
+        return bool(self.burned or self.let_burn or self.answered)
 
     def figures(self) -> dict[str, Any]:
         """Everything, as JSON has it."""
+        burning = sum(self._counts(lit) for lit in self._lit.values())
         return {
             "ticks": self.ticks,
             "blind": self.blind,
             "behaviors": dict(self.behaviors),
             "moves": dict(self.moves),
             "energy": dict(self.energy),
+            "out": dict(self.out),
             "changes": dict(self.changes),
             "events": dict(self.events.most_common(40)),
             "least_charge": self.least_charge,
             "burned": self.burned,
-            "let_burn": self.let_burn,
-            "still_burning": len(self._lit),
+            "let_burn": self.let_burn + burning,
             "looked": self.looked,
-            "with_mover": self.with_mover,
-            "noticed": self.noticed,
+            "glimpsed": self.glimpsed,
+            "seen": self.seen,
             "answered": self.answered,
-            "chi2": {name: agreement.chi2() for name, agreement in self.agreements.items()},
+            "chi2": self.agreements.figures(),
         }
+
+    def _turns(self, tick: Tick, behavior: str, energy: str) -> None:
+        """Changes of mind without a reason: the evidence of `weathercock.changes`."""
+        told = tick.evidence
+        if told["Vigil"] and not told["Fire"] and not told["Identify"] and not self._inside(tick.pose):
+            self.out[energy] += 1
+            self.changes[energy] += self._behavior not in (None, behavior)
+            self._behavior = behavior
+        else:
+            self._behavior = None
+
+    def _counts(self, lit: float) -> bool:
+        return self.plan.seconds - lit >= self.plan.given
 
     def _fires(self, tick: Tick) -> None:
         for name, pose in tick.moved.items():
@@ -141,45 +143,49 @@ class Tally:
             if pose[0] >= 0:  # what is not there lies beside the floor
                 self._lit[name] = tick.t
             elif name in self._lit:
-                lasted = tick.t - self._lit.pop(name)
-                if lasted < 899:
-                    self.burned.append(round(lasted, 1))
-                else:
-                    self.let_burn += 1
+                lit = self._lit.pop(name)
+                lasted = tick.t - lit
+                if self._counts(lit):
+                    if lasted < FIRE_LASTS - 1:
+                        self.burned.append(round(lasted, 1))
+                    else:
+                        self.let_burn += 1
+
+    def _inside(self, pose: Pose | None) -> bool:
+        return pose is not None and 0 <= pose[0] <= self.base[0] and 0 <= pose[1] <= self.base[1]
 
     def _called(self, tick: Tick) -> None:
-        if self._next_call < len(self.calls) and tick.t >= self.calls[self._next_call]:
-            self._call = self.calls[self._next_call]
+        inside = self._inside(tick.pose)
+        if self._next_call < len(self.plan.calls) and tick.t >= self.plan.calls[self._next_call]:
+            self._call = None if inside else self.plan.calls[self._next_call]
             self._next_call += 1
-        if self._call is None or tick.pose is None:
+        if self._call is None:
             return
-        if 0 <= tick.pose[0] <= self.base[0] and 0 <= tick.pose[1] <= self.base[1]:
-            self.answered.append(True)
-            self._call = None
-        elif tick.t - self._call >= min(_PATIENCE, CALL):
-            self.answered.append(False)
+        if inside or tick.t - self._call >= min(_PATIENCE, CALL):
+            self.answered.append(inside)
             self._call = None
 
     def _look(self, tick: Tick) -> None:
         if tick.draws["Behavior"] == "patrol" and tick.draws["Move"] == "stop":
             self._stop += 1
-            if self._stop > LOOKING:
-                # One that is stuck before something stands as still as all the rest.
-                self._in_view.update(name for name in self.witness.in_view() if name in tick.moved)
+            if self._stop > LOOKING and tick.pose is not None:
+                for name in self.witness.in_view():
+                    if name in tick.moved:  # one that is stuck before something stands as still as all the rest
+                        self._bearings.setdefault(name, []).append(_bearing(tick.pose, tick.moved[name]))
             self._alarmed |= any(level == "alarm" for level, _ in tick.events)
             return
         if self._stop > LOOKING:
             self.looked += 1
-            if any(often >= _SEEN for often in self._in_view.values()):
-                self.with_mover += 1
-                self.noticed += self._alarmed
+            if any(len(bearings) >= _SEEN for bearings in self._bearings.values()):
+                self.glimpsed.append(self._alarmed)
+            if any(map(resolved, self._bearings.values())):
+                self.seen.append(self._alarmed)
         self._stop, self._alarmed = 0, False
-        self._in_view.clear()
+        self._bearings.clear()
 
-    def _agree(self, tick: Tick) -> None:
-        for key in tick.u:
-            answer = tick.answers[key]
-            for axis, (name, values) in enumerate(zip(answer.variables, answer.values, strict=True)):
-                others = tuple(i for i in range(answer.p.ndim) if i != axis)
-                agreement = self.agreements.setdefault(name, Agreement())
-                agreement.add(answer.p.sum(axis=others), values.index(tick.draws[name]))
+
+def _bearing(robot: Pose, mover: Pose) -> float:
+    """Of its middle, from the camera, degrees, 0 ahead."""
+    x, y, heading = robot
+    way = atan2(mover[1] - y - _AHEAD * sin(heading), mover[0] - x - _AHEAD * cos(heading))
+    return degrees((way - heading + pi) % (2 * pi) - pi)

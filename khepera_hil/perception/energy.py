@@ -15,6 +15,7 @@ LEVELS = ("very-low", "low", "high", "very-high")
 _BORDERS = (0.2, 0.5, 0.85)
 _HYSTERESIS = 0.02
 _VOLTS_A_STEP = 4.09 / 1024
+_CONNECTED = 3.0  # V; a battery that has less could not have answered
 _CHARGES = (0.0, 0.1, 0.5, 0.9, 1.0)
 _VOLTS = (4.0, 4.7, 4.9, 5.05, 5.4)
 """Four NiCd cells over their charge, a plateau that is steep at both ends (proposed: nothing measured was
@@ -39,16 +40,21 @@ class Energy:
     def __init__(self) -> None:
         self.charge: float | None = None
         """By the last reading; None before the first."""
+        self.measured = True
+        """Whether the last reading was one of a battery, and not of an input to which nothing is connected."""
         self._level: int | None = None
 
     def step(self, reading: int | None) -> str:
         """The level at this tick; ``reading`` is that of the A/D input, or None when it was not asked.
 
-        Before the first reading it is ``high``: the robot neither hurries home nor waits for more.
+        Before the first reading it is ``high``: the robot neither hurries home nor waits for more. Readings that
+        no battery could give change nothing.
         """
         if reading is not None:
-            self.charge = charge(reading)
-            self._level = self._told(self.charge)
+            self.measured = 2 * reading * _VOLTS_A_STEP >= _CONNECTED
+            if self.measured:
+                self.charge = charge(reading)
+                self._level = self._told(self.charge)
         return LEVELS[2 if self._level is None else self._level]
 
     def _told(self, charge: float) -> int:

@@ -130,7 +130,7 @@ class Fire:
             self.events.append("fire")
 
     def _approach(self, near: int, prox: int, way: float) -> None:
-        self._blocked = prox >= _OBSTACLE and near >= _SATURATED - 3
+        self._blocked = prox >= _OBSTACLE and near >= _SATURATED
         if near >= _SATURATED:
             self._driven = (self._driven or 0.0) + abs(way)
         elif near < _SATURATED - 3:
@@ -148,6 +148,8 @@ class Fire:
         self._seen = 0
         self._ignore = ignore
         self._driven = None
+        self._fits.clear()  # what flickered a moment ago was this one
+        self.flicker = self.explained = 0.0
         self.events.append(why)
 
     def _measure(self, brightness: list[int] | None) -> None:

@@ -26,6 +26,8 @@ class Need:
     letter: str
     values: tuple[int | str, ...] = ()
     every: int = 1
+    without: str = ""
+    """What is to be told of a robot that refuses it, for which the program goes on without it; empty: it cannot."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.every <= 100:

@@ -29,6 +29,9 @@ TRAIL_SECONDS = 120.0
 _MANY_LANES = 4
 """States beyond which they get the room, and the variables share theirs."""
 
+_MANY_CHARTS = 6
+"""Charts beyond which there is no room for what their titles say; the page about the run has it."""
+
 GROUND = colours.GROUND
 
 
@@ -110,9 +113,16 @@ def _texts() -> rrb.Tabs:
 def _beliefs(shown: list[Panel]) -> rrb.Vertical:
     # What is combined comes first, the combination last, as in figure 9.
     order = [p for p in shown if not p.main] + [p for p in shown if p.main]
-    charts = [_chart(panel) for panel in order]
-    columns = 1 if len(charts) == 1 else 2 if len(charts) <= 6 else 4
-    grid = rrb.Grid(*charts, grid_columns=columns)
+    if len(order) <= _MANY_CHARTS:
+        grid = rrb.Grid(*map(_chart, order), grid_columns=1 if len(order) == 1 else 2)
+    else:
+        # What is drawn besides, to be remembered, shares a place. A narrow chart has room for one word.
+        beside = [p for p in order if not (p.main or p.alone)]
+        charts: list[Any] = [_chart(panel, panel.variable) for panel in order if panel not in beside]
+        if beside:
+            kept = (_chart(panel, f"{panel.variable} kept") for panel in beside)
+            charts.append(rrb.Tabs(*kept, active_tab=0))
+        grid = rrb.Grid(*charts, grid_columns=3)
     history: list[Any] = [_waterfall(panel) for panel in shown if panel.main and len(panel.values) <= MANY]
     history += [
         _plot(f"/summary/{panel.path}", f"{panel.variable}: mean ± σ, drawn (red)", legend=False)
@@ -125,16 +135,24 @@ def _beliefs(shown: list[Panel]) -> rrb.Vertical:
     return rrb.Vertical(grid, rrb.Tabs(*history, active_tab=0), row_shares=[1.9, 1])
 
 
-def _chart(panel: Panel) -> rrb.BarChartView:
+def _chart(panel: Panel, title: str = "") -> rrb.BarChartView:
+    return rrb.BarChartView(
+        origin=f"/distributions/{panel.path}",
+        name=title or _title(panel),
+        plot_legend=rrb.PlotLegend(visible=False),
+    )
+
+
+def _title(panel: Panel) -> str:
     # Short, since there is little room: the whole question stands on the page about the run.
     title = panel.key if panel.alone else panel.variable
     if panel.words:  # the axis has numbers only
-        title += ": " + ", ".join(f"{i} {value}" for i, value in enumerate(panel.values))
-    if panel.main:
-        title += " (red: drawn)"
-    return rrb.BarChartView(
-        origin=f"/distributions/{panel.path}", name=title, plot_legend=rrb.PlotLegend(visible=False)
-    )
+        title += ": " + _numbered(panel.values)
+    return f"{title} (red: drawn)" if panel.main else title
+
+
+def _numbered(words: Sequence[Value]) -> str:
+    return ", ".join(f"{i} {word}" for i, word in enumerate(words))
 
 
 def _waterfall(panel: Panel) -> rrb.Spatial2DView:
@@ -156,7 +174,7 @@ def _waterfall(panel: Panel) -> rrb.Spatial2DView:
 
 def _series(manifest: Mapping[str, Any]) -> rrb.Vertical:
     variables = _variables(manifest.get("evidence") or {})
-    lanes = len(states(manifest))
+    lanes = len([name for name in states(manifest) if not name.endswith("_t-1")])
     if lanes > _MANY_LANES and len(variables) > 1:  # what goes from behavior to behavior is read off its states
         variables = [rrb.Tabs(*variables, active_tab=0)]
     return rrb.Vertical(
@@ -203,12 +221,13 @@ def _with_unit(name: str) -> str:
 
 def _states(manifest: Mapping[str, Any]) -> rrb.StateTimelineView:
     """Words over time, a lane each, and the service's state."""
+    shown = states(manifest)
+    # What was so a tick ago shows the same again.
+    before = [name for name in shown if name.endswith("_t-1") and name.removesuffix("_t-1") in shown]
     return rrb.StateTimelineView(
         origin="/",
-        contents=["/states/**", SERVICE],
-        name="States: of the service; known, drawn or most probable"
-        if states(manifest)
-        else "State of the service",
+        contents=["/states/**", *(f"- /states/{rr.escape_entity_path_part(name)}" for name in before), SERVICE],
+        name="States: of the service; known, drawn or most probable" if shown else "State of the service",
         time_view=_window(),
     )
 
@@ -240,6 +259,11 @@ def _window() -> rrb.TimeAxis:
     return rrb.TimeAxis(view_range=rr.TimeRange(start=boundary(seconds=-HISTORY), end=boundary(seconds=1.0)))
 
 
+def _worded(shown: Sequence[Panel]) -> list[Panel]:
+    """One for each variable of words: the axis of its chart has numbers only."""
+    return list({panel.variable: panel for panel in reversed(shown) if panel.words}.values())[::-1]
+
+
 def about(manifest: Mapping[str, Any]) -> str:
     """The page of text inside the file, Markdown."""
     questions = manifest.get("questions") or []
@@ -260,10 +284,9 @@ def about(manifest: Mapping[str, Any]) -> str:
     lines += [f"| {name} | {value} |" for name, value in rows if value not in (None, "")]
     lines += ["", "## Questions asked at every tick", ""]
     lines += [f"- **{q['key']}**: {q['name']}{' (drawn from)' if q.get('main') else ''}" for q in questions]
+    lines += ["", "## Reading the panels", ""]
+    lines += [f"- {panel.variable}: {_numbered(panel.values)}" for panel in _worded(panels(manifest))]
     lines += [
-        "",
-        "## Reading the panels",
-        "",
         "- Bars: probability of each value at the cursor; red is the value that was drawn.",
         "- Waterfall: the same distribution over the last seconds, now at the right; brighter is more probable; "
         "red dots are the draws.",

@@ -129,6 +129,31 @@ def test_slow_readings_are_taken_once_when_they_are_due() -> None:
     assert port.written.count(b"T,2,O") == 5
 
 
+def test_what_a_robot_lacks_is_told_once_and_asked_for_again_after_a_while() -> None:
+    camera = Need("T", (2, "O"), without="no camera")
+    reads, port = reader("N", camera)
+    port.readings("N", REST)
+    refused, image = b"z,Turret order not supported\r\n", b"t,2,o,31\r\n"
+    told, answered = [], []
+    for tick in range(120):
+        port.says[b"T"] = [refused if tick < 50 else image]
+        found = reads.read(tick)
+        assert found.proximity == REST
+        answered += [tick] if found.answers else []
+        told += [(tick, remark) for remark in reads.remarks]
+    assert told == [(1, "no camera"), (101, "T,2,O is answered now")]
+    assert answered == list(range(101, 120))
+    assert port.written.count(b"T,2,O") == 2 + 19
+
+
+def test_one_refusal_is_a_garbled_request_and_not_a_missing_turret() -> None:
+    reads, port = reader("N", Need("T", (2, "O"), without="no camera"))
+    port.readings("N", REST)
+    port.says[b"T"] = [b"z,Turret order not supported\r\n", b"t,2,o,31\r\n"]
+    assert [bool(reads.read(tick).answers) for tick in range(4)] == [False, True, True, True]
+    assert not reads.remarks
+
+
 def test_a_turret_that_talks_nonsense_is_a_bad_answer() -> None:
     for turret, sentence in ((2, "O's pixel is no plain integer"), (7, "T,7,O is no list of numbers")):
         reads, port = reader(Need("T", (turret, "O")))

@@ -14,8 +14,9 @@ from khepera_hil.__main__ import outcome
 from khepera_hil.controllers.watchman import Watchman
 from khepera_hil.errors import WorldError
 from khepera_hil.experiments import weathercock
-from khepera_hil.experiments.nights import night
-from khepera_hil.experiments.tally import Agreement
+from khepera_hil.experiments.agreement import Agreement
+from khepera_hil.experiments.nights import night, short_night
+from khepera_hil.experiments.tally import resolved
 from khepera_hil.experiments.trial import drive
 from khepera_hil.world import World
 
@@ -33,6 +34,57 @@ def test_the_film_begins_with_an_object_that_is_identified() -> None:
     assert {tick.draws["Behavior"] for tick in trial.ticks} <= {"recognition", "patrol"}
     assert trial.ticks[-1].evidence["Tour"] == "done"
     assert trial.score["contacts_over_half_second"] == 0
+
+
+FILM = [  # of section 10.5: what must be said, or which behavior begun, in this order
+    "a new object",
+    "recognition",
+    "fire",
+    "no fire: three blows changed nothing",
+    "patrol",
+    "fire",
+    "the fire is out",
+    "patrol",
+    "something moves",
+    "recharge",
+    "idle",
+    "patrol",
+]
+
+
+def test_the_film_of_the_papers_results_is_played_to_its_end() -> None:
+    """Each scene in its turn; what comes between does no harm. The run ends with the last of them."""
+    left = list(FILM)
+    seen: list[tuple[float, str]] = []
+    before = ""
+
+    def watch(tick: Any, trial: Any) -> bool:
+        nonlocal before
+        trial.ticks.clear()
+        behavior = str(tick.draws["Behavior"])
+        new = [text for _, text in tick.events] + ([behavior] if behavior != before else [])
+        before = behavior
+        for text in new:
+            seen.append((tick.t, text))
+            if left and text.startswith(left[0]):
+                del left[0]
+        return not left
+
+    trial = drive(Watchman(), world="watchman", seed=4, duration=520, watch=watch, options={"scenario": "night"})
+    assert not left, seen
+    assert trial.score["fires_put_out"] == 1
+    assert trial.score["alarms"] >= 1
+    assert trial.score["contact_longest_s"] <= 3
+
+
+def test_a_watchman_without_turrets_keeps_watch_as_well_as_it_can() -> None:
+    trial = drive(Watchman(), world="watchman", seed=4, duration=25, options={"turrets": "none"})
+    assert all(tick.evidence for tick in trial.ticks)
+    assert {tick.evidence["Energy"] for tick in trial.ticks} == {"high"}
+    said = [text for tick in trial.ticks for _, text in tick.events]
+    assert sum("no camera" in text for text in said) == 1
+    assert sum("measures no battery" in text for text in said) == 1
+    assert not any("not acknowledged" in text for text in said)
 
 
 def flame(folder: Path) -> str:
@@ -106,13 +158,29 @@ def test_a_start_that_is_taken_is_refused(tmp_path: Path) -> None:
 
 
 def test_nights_by_chance_are_worlds_and_repeat(tmp_path: Path) -> None:
-    for seed in range(8):
-        for world in ("watchman", "furnished"):
-            plan = night(seed, 3600, world)
-            assert plan == night(seed, 3600, world)
+    for seed in range(6):
+        for world, plan in (
+            ("watchman", night(seed, 3600, "watchman")),
+            ("furnished", short_night(seed, "furnished")),
+        ):
             (tmp_path / "night.toml").write_text(plan.text)
             World(world, seed, str(tmp_path / "night.toml"))
+            assert plan.calls or "real = true" in plan.text
+    assert night(1, 3600, "watchman") == night(1, 3600, "watchman")
     assert night(1, 3600, "watchman") != night(2, 3600, "watchman")
+    assert short_night(1, "furnished") != short_night(3, "furnished")
+
+
+def test_the_world_of_a_long_night_is_no_larger_than_that_of_a_short_one() -> None:
+    names = {word for word in night(1, 36000, "watchman").text.split("\n") if word.startswith("name")}
+    assert len(names) <= 2 * 12 + 3 * 3
+
+
+def test_a_mover_counts_that_moves_in_the_picture() -> None:
+    assert resolved([-20.0, -17.0, -15.0, -12.0])
+    assert not resolved([17.0, 19.0, 21.0, 25.0])  # an edge at the rim
+    assert not resolved([3.0, 3.5, 4.0, 4.5, 5.0])  # comes straight on
+    assert not resolved([0.0, 9.0])
 
 
 def test_draws_that_agree_pass_the_chi_square_and_others_do_not() -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -135,16 +138,42 @@ def test_three_blows_in_vain_are_no_fire_and_it_is_left_alone_for_a_while() -> N
         assert not told(fire, flickering(rng))
 
 
-def test_a_still_picture_with_noise_gives_no_alarm_in_a_thousand_stops() -> None:
+def test_a_still_picture_with_noise_gives_at_most_one_alarm_in_a_thousand_stops() -> None:
     rng = np.random.default_rng(8)
     picture = rng.uniform(50, 200, 16)
+    movement = Movement()
+    alarms = 0
     for _ in range(1000):
-        movement = Movement()
         lamp = 1.0
         for _ in range(20):
             lamp *= 1 + 0.01 * rng.normal()
-            frame = np.clip(np.rint(picture * lamp + rng.normal(0, 4, 16)), 0, 255)
-            assert not movement.step([int(v) for v in frame], standing=True)
+            alarms += movement.step(noisy(picture * lamp, rng), standing=True)
+        assert not movement.step(noisy(picture, rng), standing=False)
+    assert alarms <= 1
+
+
+def noisy(picture: np.ndarray[Any, Any], rng: np.random.Generator) -> list[int]:
+    frame = np.clip(np.rint(picture + rng.normal(0, 4, len(picture))), 0, 255)
+    return [int(value) for value in frame]
+
+
+@pytest.mark.parametrize(("darker", "cells"), [(60.0, 1), (25.0, 3)])
+def test_what_passes_by_is_told_once_although_it_was_there_when_the_stop_began(darker: float, cells: int) -> None:
+    rng = np.random.default_rng(9)
+    picture = rng.uniform(80, 200, 16)
+    movement = Movement()
+    told = 0
+    for _ in range(50):
+        alarms = 0
+        for tick in range(20):
+            frame = picture.copy()
+            first = tick * 16 // 20
+            frame[first : first + cells] -= darker
+            alarms += movement.step(noisy(frame, rng), standing=True)
+        movement.step(None, standing=False)
+        assert alarms <= 1
+        told += alarms
+    assert told >= 48
 
 
 def test_a_camera_that_says_nothing_gives_no_alarm() -> None:
@@ -158,3 +187,9 @@ def test_light_above_511_is_clipped_and_counted() -> None:
     assert percept.values["L3"] == 511
     assert percept.clipped == {"L2": 1, "L3": 1}
     assert len(percept.values) == 16
+
+
+def test_an_input_that_measures_no_battery_changes_no_level() -> None:
+    energy = Energy()
+    found = [(energy.step(value), energy.measured) for value in (0, reading_of(0.95), 3, reading_of(0.01))]
+    assert found == [("high", False), ("very-high", True), ("very-high", False), ("very-low", True)]
