@@ -35,7 +35,10 @@ _FLOORS = {"Per": 5.0, "Lrl": 12.0}
 
 
 def _tour_trial(case: Case) -> Result:
-    """One presentation: the tour that the robot makes around an object, or none within two minutes."""
+    """One presentation: the tour that the robot makes around an object, or none within two minutes.
+
+    The robot of an order is one and the same; the noise that it meets is each presentation's own.
+    """
     controller = Recogniser()
 
     def watch(tick: Tick, trial: Trial) -> bool:
@@ -43,7 +46,14 @@ def _tour_trial(case: Case) -> Result:
 
     chance = generator(case["seed"], 8, case["presentation"], list(OBJECTS).index(case["object"]))
     with written(beside(OBJECTS[case["object"]], 1, chance)) as world:
-        trial = drive(controller, world=world, seed=case["seed"], duration=120, watch=watch)
+        trial = drive(
+            controller,
+            world=world,
+            seed=int(chance.integers(2**32)),
+            duration=120,
+            watch=watch,
+            options={"individual": str(case["seed"])},
+        )
     tour = {k: v for k, v in controller.met[0].items() if k != "O"} if controller.met else None
     return {"tour": tour, "seconds": round(trial.ticks[-1].t, 1)}
 

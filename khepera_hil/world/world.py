@@ -56,7 +56,8 @@ class World:
     are such things, or what :func:`~khepera_hil.world.arena.load_arena` and
     :func:`~khepera_hil.world.scenario.load_scenario` take. ``compression`` makes the battery so many times faster
     (None: as the scenario says, 1 without one). ``present`` names a thing from the arena's shelf that stands on its
-    stage from the start. Raises :class:`~khepera_hil.errors.WorldError`.
+    stage from the start. ``individual`` is the seed of the robot's peculiarities alone (None: ``seed``): one and the
+    same robot at other times. Raises :class:`~khepera_hil.errors.WorldError`.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class World:
         *,
         compression: float | None = None,
         present: str | None = None,
+        individual: int | None = None,
     ) -> None:
         self.arena = load_arena(arena) if isinstance(arena, str) else arena
         self.scenario = load_scenario(scenario) if isinstance(scenario, str) else scenario
@@ -74,7 +76,7 @@ class World:
             self.arena = _started(self.arena, self.scenario.name, self.scenario.start)
         owners = streams(seed)
         furniture, proximity, light, slip, camera, textures = owners["world"].spawn(6)
-        robot = np.random.default_rng(owners["robot"])
+        robot = np.random.default_rng((owners if individual is None else streams(individual))["robot"])
         self.layout: Layout = furnish(
             self.arena, np.random.default_rng(furniture), np.random.default_rng(owners["start"])
         )
