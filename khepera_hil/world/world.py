@@ -56,8 +56,8 @@ class World:
     are such things, or what :func:`~khepera_hil.world.arena.load_arena` and
     :func:`~khepera_hil.world.scenario.load_scenario` take. ``compression`` makes the battery so many times faster
     (None: as the scenario says, 1 without one). ``present`` names a thing from the arena's shelf that stands on its
-    stage from the start. ``individual`` is the seed of the robot's peculiarities alone (None: ``seed``): one and the
-    same robot at other times. Raises :class:`~khepera_hil.errors.WorldError`.
+    stage from the start. ``individual`` is the seed of the robot's peculiarities alone (None: ``seed``): the same
+    robot at another time. Raises :class:`~khepera_hil.errors.WorldError`.
     """
 
     def __init__(
