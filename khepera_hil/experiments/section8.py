@@ -43,7 +43,7 @@ def _tour_trial(case: Case) -> Result:
     controller = Recogniser()
 
     def watch(tick: Tick, trial: Trial) -> bool:
-        return bool(controller.met)
+        return bool(controller.objects.met)
 
     chance = generator(case["seed"], 8, case["presentation"], list(OBJECTS).index(case["object"]))
     with written(beside(OBJECTS[case["object"]], 1, chance)) as world:
@@ -55,7 +55,8 @@ def _tour_trial(case: Case) -> Result:
             watch=watch,
             options={"individual": str(case["seed"])},
         )
-    tour = {k: v for k, v in controller.met[0].items() if k != "O"} if controller.met else None
+    met = controller.objects.met
+    tour = {k: v for k, v in met[0].items() if k != "O"} if met else None
     return {"tour": tour, "seconds": round(trial.ticks[-1].t, 1)}
 
 
