@@ -92,12 +92,16 @@ def _result(run: Run, found: Replay) -> dict[str, Any]:
 
 def _otherwise(asked: argparse.Namespace, run: Run) -> int:
     then = controller_of(run)
+    learning = learning_of(then)
     if asked.program is not None:
         other = make(asked.program)
         name, ticks = asked.program, with_program(run, other)
     else:
-        name, ticks = str(asked.data), with_questions(run, with_data(then.questions, asked.data))
-    recorded = answered(run, then.questions, learning_of(then))
+        others = with_data(then.questions, asked.data)
+        # A question that has other data now learns nothing of what was met with the old ones.
+        kept = {key: learn for key, learn in learning.items() if others[key] is then.questions[key]}
+        name, ticks = str(asked.data), with_questions(run, others, kept)
+    recorded = answered(run, then.questions, learning)
     sums = _show(asked, name, run, recorded, ticks)
     if asked.json:
         result = {
