@@ -29,7 +29,7 @@ O = 0 is the class of all objects not yet presented.
 
 Departs from S8.3 on purpose: a class that has no object yet is as uniform as O = 0 and would tie with it for every
 novelty, so P(O) is uniform over O = 0 and the classes met so far. The deviation of Per is never below 5 and that of
-Lrl never below 10, what one robot's tours around one object spread by: one tour alone has no deviation.
+Lrl never below 12, what one robot's tours around one object spread by: one tour alone has no deviation.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ pi_object = Specification(
         P(Nlt | O): presented(Laplace()),
         P(Nrt | O): presented(Laplace()),
         P(Per | O): presented(Gaussian(unvisited="uniform", floor=5)),
-        P(Lrl | O): presented(Gaussian(unvisited="uniform", floor=10)),
+        P(Lrl | O): presented(Gaussian(unvisited="uniform", floor=12)),
     },
     name="pi-object",
 )

@@ -31,7 +31,7 @@ PRESENTATIONS = 5
 TWINS = ("square 60", "tower 60")
 """The same base: "in the position of someone asked to identify the color of an object by groping it"."""
 
-_FLOORS = {"Per": 5.0, "Lrl": 10.0}
+_FLOORS = {"Per": 5.0, "Lrl": 12.0}
 """The least deviations of `brp.programs.object`."""
 
 
