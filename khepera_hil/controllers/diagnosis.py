@@ -6,8 +6,8 @@ better a sensor that may say anything would explain the reading is summed up ove
 below zero, a tick adds at most 4 and takes off at most 1, and at 100 the sensor is named: that takes two seconds
 and a half without a break. Two out of order at a time are rarer than one, so that the second one takes half as
 much again. A sensor that agrees for long enough afterwards is taken back. The figures are a choice between two
-errors: over 35 robots with calibrated sensors, five minutes each about a lamp, no sound one was named at 100, and
-one at 90.
+errors: over 35 robots with calibrated sensors, five minutes each about a lamp, none was named while all were sound
+at 100, and one at 90; two minutes each with a broken one, one sound sensor was named beside it.
 
 A tick in which three sensors or more disagree accuses the model and not a sensor (the robot is under the lamp), and
 where two do, only the one that is harder to believe counts. A sensor that was named is no longer among the others.
