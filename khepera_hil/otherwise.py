@@ -22,7 +22,7 @@ from khepera_hil.controllers import Controller
 from khepera_hil.errors import UsageError
 from khepera_hil.reading import Run
 from khepera_hil.recording import Answer, Tick, Value
-from khepera_hil.replay import answered, redrawn
+from khepera_hil.replay import Learning, answered, redrawn
 
 __all__ = ["Beside", "beside", "with_data", "with_program", "with_questions"]
 
@@ -106,9 +106,9 @@ def with_program(run: Run, controller: Controller) -> Iterator[Tick]:
         yield other
 
 
-def with_questions(run: Run, questions: Mapping[str, Question]) -> Iterator[Tick]:
+def with_questions(run: Run, questions: Mapping[str, Question], learning: Learning) -> Iterator[Tick]:
     """The run's ticks as other data would have had them: recorded evidence and numbers, other answers and draws."""
-    for tick in answered(run, questions):
+    for tick in answered(run, questions, learning):
         other = Tick(tick.tick, tick.t, evidence=tick.evidence, u=tick.u, answers=tick.answers)
         for key, u in tick.u.items():
             if key in questions and key in tick.answers:

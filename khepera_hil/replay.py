@@ -9,7 +9,7 @@ which may differ by ``TOLERANCE``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import Any
@@ -22,7 +22,7 @@ from khepera_hil.errors import RecordingError
 from khepera_hil.reading import Run, tick_of
 from khepera_hil.recording import Answer, Tick, Value
 
-__all__ = ["TOLERANCE", "Asked", "Replay", "answered", "evidence_of", "redrawn", "replay"]
+__all__ = ["TOLERANCE", "Asked", "Learning", "Replay", "answered", "evidence_of", "redrawn", "replay"]
 
 TOLERANCE = 1e-9
 """Of a sketch between versions: 1e-9 of probability in all, where a float64 has 1e-16."""
@@ -31,6 +31,11 @@ BLOCK = 4096
 """Ticks that are asked at a time."""
 
 _Key = tuple[Value, ...]
+
+Learning = Mapping[str, Callable[[Mapping[str, Value]], Question]]
+"""The questions that change with what a run meets (``controllers.base.Learner``): they are asked tick by tick."""
+
+_NOTHING: Learning = {}
 
 
 @dataclass
@@ -95,19 +100,22 @@ def _told(tick: Tick) -> Mapping[str, Value]:
     return {**tick.draws, **tick.evidence}
 
 
-def answered(run: Run, questions: Mapping[str, Question]) -> Iterator[Tick]:
+def answered(run: Run, questions: Mapping[str, Question], learning: Learning = _NOTHING) -> Iterator[Tick]:
     """The run's ticks with the answers that ``questions`` give to the recorded evidence; a question is asked in
     the ticks in which the log has an answer to it. Where there is none any more the tick has none.
     """
-    for ticks, _, found in _blocks(run, questions):
+    for ticks, _, found in _blocks(run, questions, learning):
         for place, tick in enumerate(ticks):
             mine = {key: answers[place] for key, answers in found.items()}
             tick.answers = {key: answer for key, answer in mine.items() if isinstance(answer, Answer)}
             yield tick
 
 
-def replay(run: Run, questions: Mapping[str, Question]) -> Replay:
-    """Ask all over again and compare. Raises RecordingError when the log is damaged."""
+def replay(run: Run, questions: Mapping[str, Question], learning: Learning = _NOTHING) -> Replay:
+    """Ask all over again and compare, learning on the way what was learnt then.
+
+    Raises RecordingError when the log is damaged.
+    """
     found = Replay()
     for said in run.questions:
         asked = found.asked[said["key"]] = Asked(said["key"], said["name"])
@@ -116,13 +124,13 @@ def replay(run: Run, questions: Mapping[str, Question]) -> Replay:
             asked.differs = (0, 0.0, "the program asks no such question any more")
         elif (why := _changed(said, question)) is not None:
             asked.differs = (0, 0.0, why)
-    for ticks, rows, answers in _blocks(run, questions):
+    for ticks, rows, answers in _blocks(run, questions, learning):
         found.ticks += len(ticks)
         for key, column in answers.items():
             asked = found.asked.setdefault(key, Asked(key, questions[key].name))
             for tick, row, answer in zip(ticks, rows, column, strict=True):
                 if answer is not None:
-                    _compare(asked, tick, row, answer, questions[key])
+                    _compare(asked, tick, row, answer, questions[key], batched=key not in learning)
     return found
 
 
@@ -144,12 +152,14 @@ def _changed(said: Mapping[str, Any], question: Question) -> str | None:
     return None
 
 
-def _compare(asked: Asked, tick: Tick, row: Mapping[str, Any], answer: Answer | str, question: Question) -> None:
+def _compare(
+    asked: Asked, tick: Tick, row: Mapping[str, Any], answer: Answer | str, question: Question, *, batched: bool
+) -> None:
     asked.answers += 1
     if isinstance(answer, str):
         asked.wrong(tick, answer)
         return
-    if answer.digest() != row["answers"][asked.key]:
+    if batched and answer.digest() != row["answers"][asked.key]:
         answer = _by_itself(question, tick, answer)
     if answer.digest() == row["answers"][asked.key]:
         asked.same += 1
@@ -183,17 +193,26 @@ def _by_itself(question: Question, tick: Tick, otherwise: Answer) -> Answer:
 
 
 def _blocks(
-    run: Run, questions: Mapping[str, Question]
+    run: Run, questions: Mapping[str, Question], learning: Learning
 ) -> Iterator[tuple[list[Tick], list[dict[str, Any]], dict[str, list[Answer | str | None]]]]:
     """The log in pieces: ticks, rows, and for each question an answer, a reason why there is none, or None where
     it was not asked."""
     rows = run.rows()
+    asked = dict(questions)
     while block := list(islice(rows, BLOCK)):
         for row in block:
             if not isinstance(row.get("answers"), dict):
                 raise RecordingError(f"tick {row['tick']} of {run.folder} is damaged: its answers are no object")
         ticks = [tick_of(row) for row in block]
-        yield ticks, block, {key: _column(key, question, ticks, block) for key, question in questions.items()}
+        found: dict[str, list[Answer | str | None]] = {}
+        for key in questions:
+            found[key] = [] if key in learning else _column(key, asked[key], ticks, block)
+        for tick, row in zip(ticks, block, strict=True) if learning else ():
+            for key in learning.keys() & asked.keys():
+                found[key] += _column(key, asked[key], [tick], [row])
+                if isinstance(found[key][-1], Answer):
+                    asked[key] = learning[key](tick.evidence)
+        yield ticks, block, found
 
 
 def _column(
@@ -223,8 +242,8 @@ def _answers(question: Question, keywords: list[str], different: list[_Key]) -> 
     variables = tuple(variable.name for variable in question.searched)
     values = tuple(tuple(variable.values) for variable in question.searched)
     try:
-        if not keywords:
-            table = question().p[np.newaxis]
+        if len(different) == 1:  # as it was asked then, to the bit
+            table = question(**dict(zip(keywords, different[0], strict=True))).p[np.newaxis]
         else:
             table = question.batch(dict(zip(keywords, map(list, zip(*different, strict=True)), strict=True)))
         return [Answer(question.name, variables, values, p) for p in table]

@@ -78,9 +78,10 @@ class Terminal:
             or "nothing drawn"
         )
         sent = "none" if tick.command is None else "{} {}".format(*tick.command)
+        # What is noted comes first: a narrow terminal cuts the end.
         note = self._note()
         return (
-            f"{tick.t:8.1f} s  {self._program}: {known} -> {drawn}, wheels {sent}{' | ' if note else ''}{note}"
+            f"{tick.t:8.1f} s  {self._program}{', ' if note else ''}{note}: {known} -> {drawn}, wheels {sent}"
             f" | late {tick.late_ms:.1f} ms, missed {self._missed}"
         )
 

@@ -159,13 +159,14 @@ def test_what_was_met_is_known_in_the_next_run_and_a_sixteenth_object_is_reporte
     met = tuple(row(o, 300 + 50 * o) for o in range(1, 16))
     robot = PROGRAMS["object"].make(Setting(met=met))
     assert isinstance(robot, Recogniser)
-    events: list[tuple[str, str]] = []
-    robot._recognised({"Nlt": 0, "Nrt": 4, "Per": 452, "Lrl": 52}, events)
-    assert "this is object 3" in events[0][1]
-    robot._recognised({"Nlt": 3, "Nrt": 9, "Per": 5000, "Lrl": 400}, events)
-    assert events[1][0] == "warning"
-    assert "all 15 classes" in events[1][1]
-    assert len(robot.met) == 16  # the known one was learnt, the sixteenth merged with nothing
+    answer, (level, text) = robot.objects.meet({"Nlt": 0, "Nrt": 4, "Per": 452, "Lrl": 52})
+    assert answer.best() == 3
+    assert "this is object 3" in text
+    answer, (level, text) = robot.objects.meet({"Nlt": 3, "Nrt": 9, "Per": 5000, "Lrl": 400})
+    assert answer.best() == 0  # the class of all objects not yet presented
+    assert level == "warning"
+    assert "all 15 classes" in text
+    assert len(robot.objects.met) == 16  # the known one was learnt, the sixteenth merged with nothing
 
 
 def test_a_robot_goes_round_an_object_knows_it_again_and_keeps_what_it_knows(tmp_path: Path) -> None:
@@ -191,3 +192,21 @@ def test_a_robot_goes_round_an_object_knows_it_again_and_keeps_what_it_knows(tmp
     rows = [json.loads(r) for r in (tmp_path / again.result["run"] / "ticks.jsonl").read_text().splitlines()]
     said = [text for r in rows for _, text in r["events"] if "object" in text and "runs" not in text]
     assert said[0].startswith("this is object 1")
+    # Either run is asked again with what was known then, and learns the same on the way, to the bit.
+    for run in (first, again):
+        asked = khepera_hil("replay", run.result["run"], "--json", cwd=tmp_path)
+        assert asked.code == 0, asked.out
+        recognised = asked.result["questions"]["O"]
+        assert recognised["answers"] == recognised["same"] > 0
+    # Without that knowledge the second run would have met a new object.
+    manifest = tmp_path / again.result["run"] / "manifest.json"
+    told = json.loads(manifest.read_text())
+    assert len(told["setting"]["met"]) == 2
+    told["setting"]["met"] = []
+    manifest.write_text(json.dumps(told))
+    assert khepera_hil("replay", again.result["run"], cwd=tmp_path).code == 1
+    told["setting"]["met"] = [{"O": 99}]
+    manifest.write_text(json.dumps(told))
+    damaged = khepera_hil("replay", again.result["run"], cwd=tmp_path)
+    assert damaged.code == 2
+    assert "setting is damaged" in damaged.err

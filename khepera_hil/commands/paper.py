@@ -8,14 +8,17 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from khepera_hil.commands.parser import Parser, existing_name, number
 from khepera_hil.commands.plan_file import planned, saved
 from khepera_hil.errors import UsageError
 from khepera_hil.experiments import watchman
-from khepera_hil.experiments.campaign import progress_stream, run, table
+from khepera_hil.experiments.campaign import progress_stream, run
+from khepera_hil.experiments.campaign import table as kept
 from khepera_hil.experiments.experiment import Experiment, Report
+from khepera_hil.experiments.figures import table
+from khepera_hil.experiments.page import written
 from khepera_hil.experiments.registry import EXPERIMENTS
 
 __all__ = ["main"]
@@ -87,24 +90,44 @@ def _one(experiment: Experiment, seeds: range, asked: argparse.Namespace) -> dic
         progress=progress_stream(),
     )
     report = experiment.report(cases, results)
-    _print(experiment, seeds, report)
-    files = [] if asked.no_show else [str(path) for path in experiment.show(folder)]
-    for path in files:
-        print(f"  to look at: {path}")
-    took = time.monotonic() - began
-    if cases:
-        print(f"  results: {table(experiment.trial, folder)}")
-    print(f"  {len(cases)} trials, {took:.0f} s\n", flush=True)
+    # With --json standard output is the one object, and nothing beside it.
+    out = sys.stderr if asked.json else sys.stdout
+    if asked.markdown:
+        print(
+            "\n".join([f"### {experiment.name}, seeds {seeds[0]} to {seeds[-1]}", "", *_markdown(report)]), file=out
+        )
+    else:
+        _print(experiment, seeds, report, out)
+    files: list[Path] = []
+    if not asked.no_show:
+        shown = experiment.show(folder)
+        files = [*shown.files, *written(experiment, seeds, report, shown.pictures, folder)]
+    if not asked.markdown:
+        for path in files:
+            print(f"  to look at: {path}", file=out)
+        took = time.monotonic() - began
+        if cases:
+            print(f"  results: {kept(experiment.trial, folder)}", file=out)
+        print(f"  {len(cases)} trials, {took:.0f} s", file=out)
+    print(file=out, flush=True)
     prefix = f"{experiment.name}: "
-    return {"figures": {prefix + figure.name: figure.row() for figure in report.figures}, "files": files}
+    figures = {prefix + figure.name: figure.row() for figure in report.figures}
+    return {"figures": figures, "files": list(map(str, files))}
 
 
-def _print(experiment: Experiment, seeds: range, report: Report) -> None:
-    print(f"{experiment.name}: {experiment.about} (section {experiment.section}), seeds {seeds[0]} to {seeds[-1]}")
+def _print(experiment: Experiment, seeds: range, report: Report, out: TextIO | None) -> None:
+    about = f"{experiment.name}: {experiment.about} (section {experiment.section})"
+    print(f"{about}, seeds {seeds[0]} to {seeds[-1]}", file=out)
     for figure in report.figures:
-        print(figure.line())
+        print(figure.line(), file=out)
     for line in report.lines:
-        print(line)
+        print(line, file=out)
+
+
+def _markdown(report: Report) -> list[str]:
+    """The figures as a table, and the lines beside them, as docs/paper.md has them."""
+    lines = table(report.figures) if report.figures else []
+    return [*lines, *(["", "```", *report.lines, "```"] if report.lines else [])]
 
 
 def _parser() -> Parser:
@@ -131,7 +154,8 @@ def _parser() -> Parser:
     add("--out", type=Path, default=Path("runs/paper"), metavar="DIR", help="(default: %(default)s)")
     add("--fresh", action="store_true", help="measure anew what was measured before")
     add("--no-show", action="store_true", help="figures only, no pictures and recordings")
-    add("--json", action="store_true", help="the last line on standard output is all figures as one JSON object")
+    add("--markdown", action="store_true", help="the figures as tables in Markdown")
+    add("--json", action="store_true", help="all figures as one JSON object; the rest goes to standard error")
     return parser
 
 

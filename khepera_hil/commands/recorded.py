@@ -7,11 +7,12 @@ from pathlib import Path
 
 from khepera_hil.commands.parser import Parser, existing_name
 from khepera_hil.commands.setting import setting_in
-from khepera_hil.controllers import PROGRAMS, Controller
+from khepera_hil.controllers import PROGRAMS, Controller, Learner
 from khepera_hil.errors import UsageError
 from khepera_hil.reading import Run, find
+from khepera_hil.replay import Learning
 
-__all__ = ["add_run", "add_runs", "controller_of", "opened"]
+__all__ = ["add_run", "add_runs", "controller_of", "learning_of", "opened"]
 
 
 def add_runs(parser: Parser) -> None:
@@ -40,6 +41,11 @@ def controller_of(run: Run) -> Controller:
         )
     program = PROGRAMS[run.program]
     return program.make(setting_in(run.manifest, program))
+
+
+def learning_of(controller: Controller) -> Learning:
+    """Which of its questions change on the way."""
+    return controller.learning if isinstance(controller, Learner) else {}
 
 
 def make(program: str) -> Controller:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from statistics import mean
 from typing import Any
 
-from brp import Question
 from khepera_hil.commands.parser import Parser, number
-from khepera_hil.commands.recorded import add_run, add_runs, controller_of, make, opened
+from khepera_hil.commands.recorded import add_run, add_runs, controller_of, learning_of, make, opened
 from khepera_hil.errors import UsageError
 from khepera_hil.otherwise import Beside, beside, with_data, with_program, with_questions
 from khepera_hil.reading import Run
@@ -46,7 +45,8 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _again(asked: argparse.Namespace, run: Run) -> int:
-    found = replay(run, controller_of(run).questions)
+    controller = controller_of(run)
+    found = replay(run, controller.questions, learning_of(controller))
     if asked.json:
         print(json.dumps(_result(run, found)))
         return 0 if found.same else 1
@@ -92,12 +92,17 @@ def _result(run: Run, found: Replay) -> dict[str, Any]:
 
 def _otherwise(asked: argparse.Namespace, run: Run) -> int:
     then = controller_of(run)
+    learning = learning_of(then)
     if asked.program is not None:
         other = make(asked.program)
         name, ticks = asked.program, with_program(run, other)
     else:
-        name, ticks = str(asked.data), with_questions(run, with_data(then.questions, asked.data))
-    sums = _show(asked, name, then.questions, run, ticks)
+        others = with_data(then.questions, asked.data)
+        # A question that has other data now learns nothing of what was met with the old ones.
+        kept = {key: learn for key, learn in learning.items() if others[key] is then.questions[key]}
+        name, ticks = str(asked.data), with_questions(run, others, kept)
+    recorded = answered(run, then.questions, learning)
+    sums = _show(asked, name, run, recorded, ticks)
     if asked.json:
         result = {
             "run": str(run.folder),
@@ -115,13 +120,13 @@ def _otherwise(asked: argparse.Namespace, run: Run) -> int:
 
 
 def _show(
-    asked: argparse.Namespace, name: str, questions: Mapping[str, Question], run: Run, ticks: Iterator[Tick]
+    asked: argparse.Namespace, name: str, run: Run, recorded: Iterator[Tick], ticks: Iterator[Tick]
 ) -> Beside:
     """Print both side by side, a line every ``--every`` seconds; the sums."""
     sums, due = Beside(), 0.0
     if not asked.json:
         print(f"{'':>8}  {run.program + ', as recorded':<52}{name}")
-    for here, there in beside(answered(run, questions), ticks, sums):
+    for here, there in beside(recorded, ticks, sums):
         if not asked.json and here.t >= due - 1e-9:
             due = here.t + asked.every
             print(f"{here.t:6.1f} s  {_line(here):<52}{_line(there)}".rstrip())

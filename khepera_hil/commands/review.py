@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from khepera_hil.commands.parser import Parser, number
-from khepera_hil.commands.recorded import add_run, add_runs, controller_of, opened
+from khepera_hil.commands.recorded import add_run, add_runs, controller_of, learning_of, opened
 from khepera_hil.errors import RecordingError, UsageError, ViewerError
 from khepera_hil.reading import Run
 from khepera_hil.recording import Tick
@@ -93,11 +93,11 @@ def _wrong(run: Run) -> str | None:
 def _ticks(run: Run) -> Iterator[Tick]:
     """With their distributions, if the program is still there to be asked."""
     try:
-        questions = controller_of(run).questions
+        controller = controller_of(run)
     except UsageError as error:
         print(f"{error}; its distributions are left out", file=sys.stderr)
         return run.ticks()
-    return answered(run, questions)
+    return answered(run, controller.questions, learning_of(controller))
 
 
 def _open(shown: list[Path]) -> None:

@@ -49,15 +49,15 @@ def main(arguments: Sequence[str]) -> int:
     setting = setting_of(asked)
     controller = PROGRAMS[asked.program].make(setting)
     try:
-        run_on_robot(asked, chosen_seed, url, controller, {"setting": told(asked)})
+        run_on_robot(asked, chosen_seed, url, controller, {"setting": told(asked, setting)})
     finally:
         if (
             asked.knowledge is not None
             and isinstance(controller, Recogniser)
-            and len(controller.met) > len(setting.met)
+            and len(controller.objects.met) > len(setting.met)
         ):
-            write_knowledge(controller.met, asked.knowledge)
-            print(f"{len(controller.met)} tours known in {asked.knowledge}", file=sys.stderr)
+            write_knowledge(controller.objects.met, asked.knowledge)
+            print(f"{len(controller.objects.met)} tours known in {asked.knowledge}", file=sys.stderr)
     return 0
 
 

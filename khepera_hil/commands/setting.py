@@ -15,7 +15,7 @@ from khepera_hil.controllers.watchman_mind import EARLY, LATE
 from khepera_hil.errors import UsageError
 from khepera_hil.teaching.calibration import read_calibration
 from khepera_hil.teaching.dataset import taught
-from khepera_hil.teaching.knowledge import read_knowledge
+from khepera_hil.teaching.knowledge import known, read_knowledge
 
 __all__ = ["add_setting", "setting_in", "setting_of", "told"]
 
@@ -102,10 +102,14 @@ def setting_of(asked: argparse.Namespace) -> Setting:
     return replace(made, met=met, early=asked.decide, memory=asked.memory, stay=asked.stay)
 
 
-def told(asked: argparse.Namespace) -> dict[str, Any]:
-    """The same for a run's manifest, so that the run can be asked again."""
+def told(asked: argparse.Namespace, setting: Setting) -> dict[str, Any]:
+    """The same for a run's manifest, so that the run can be asked again; what was known of objects is in it whole,
+    since the file that it came from goes on.
+    """
     calibration = None if asked.calibration is None else str(asked.calibration)
     told: dict[str, Any] = {"unknown": asked.unknown, "data": asked.data, "calibration": calibration}
+    if setting.met:
+        told["met"] = [dict(row) for row in setting.met]
     if asked.program == "watchman":
         told |= {"decide": list(asked.decide), "memory": asked.memory, "stay": asked.stay}
     return told
@@ -117,12 +121,15 @@ def setting_in(manifest: Mapping[str, Any], program: Program) -> Setting:
     if not isinstance(told, dict):
         return USUAL
     unknown, data, calibration = told.get("unknown", []), told.get("data"), told.get("calibration")
+    met = told.get("met", [])
     early, memory, stay = told.get("decide", []), told.get("memory", USUAL.memory), told.get("stay", USUAL.stay)
     if (
         not isinstance(unknown, list)
         or not all(name in program.known for name in unknown)
         or not all(one is None or isinstance(one, str) for one in (data, calibration))
         or (data is not None and program.specification is None)
+        or not isinstance(met, list)
+        or not all(known(row) for row in met)
         or not isinstance(early, list)
         or not all(name in EARLY for name in early)
         or memory not in ("drawn", "whole")
@@ -131,7 +138,7 @@ def setting_in(manifest: Mapping[str, Any], program: Program) -> Setting:
     ):
         raise UsageError(f"the run's setting is damaged: {told!r:.100}")
     made = _made(program, unknown, data, calibration)
-    return replace(made, early=tuple(early), memory=str(memory), stay=stay)
+    return replace(made, met=tuple(met), early=tuple(early), memory=str(memory), stay=stay)
 
 
 def _made(program: Program, unknown: Sequence[str], data: str | None, calibration: str | None) -> Setting:

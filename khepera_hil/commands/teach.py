@@ -18,7 +18,7 @@ from khepera_hil import chance
 from khepera_hil.commands.address import port_url
 from khepera_hil.commands.parser import Parser, baud, existing_name, number, seed
 from khepera_hil.commands.run import parser_of_run
-from khepera_hil.commands.session import run_on_robot
+from khepera_hil.commands.session import LOCAL, run_on_robot
 from khepera_hil.errors import RecordingError, UsageError
 from khepera_hil.recording import Tick as Turn
 from khepera_hil.service import Service
@@ -36,6 +36,7 @@ TEACHERS = ("joystick", "keyboard", "scripted")
 EPILOG = """\
 examples:
   khepera-hil teach push --port /dev/ttyS0 --teacher joystick --out delta-push.json
+  khepera-hil teach push --teacher keyboard --view --out delta-push.json      on the emulator, looking on
   khepera-hil teach avoid --teacher scripted --fast --seed 3 --out delta-avoid.json
   khepera-hil --program avoid --data delta-avoid.json         what was taught, on the robot
 
@@ -89,6 +90,7 @@ def main(arguments: Sequence[str]) -> int:
     words = ["--port", asked.port, "--baud", str(asked.baud), "--period", str(asked.period), "--seed", str(chosen)]
     run = parser_of_run().parse_args([*words, "--duration", str(asked.duration), "--runs", str(asked.runs)])
     run.fast, run.json, run.world, run.program = asked.fast, asked.json, world, f"teach-{asked.behavior}"
+    run.view, run.serve = asked.view, asked.serve
     url = port_url(run.port, run.world, run.scenario, fast=run.fast, seed=chosen, faults=None)
     lesson = Lesson(asked.behavior, _NoHand())
     hand = _hand(asked.teacher)
@@ -107,7 +109,7 @@ def main(arguments: Sequence[str]) -> int:
             lesson,
             {"teacher": asked.teacher},
             on_open=on_open,
-            note=lambda: f"{len(lesson.cells)} of {lesson.possible} situations visited",
+            note=lambda: f"{len(lesson.cells)} of {lesson.possible} cells",
         )
     finally:
         if hand is not None:
@@ -172,6 +174,14 @@ def _parser() -> Parser:
         help=f"deviation of the script's hand (default: {STEADY:g}, {SHAKE['push']:g} to push or for phototaxy)",
     )
     add("--runs", type=Path, default=Path("runs"), metavar="DIR", help="where the recording goes")
+    add("--view", action="store_true", help="open the viewer on the lesson: who teaches an emulated robot sees it")
+    add(
+        "--serve",
+        nargs="?",
+        const=LOCAL,
+        metavar="ADDRESS",
+        help="serve the lesson to browsers and viewers, at HOST or HOST:PORT (default: %(const)s)",
+    )
     add("--json", action="store_true", help="the run's result as one JSON object")
     return parser
 

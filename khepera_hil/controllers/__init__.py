@@ -6,9 +6,9 @@ from types import MappingProxyType
 from brp.programs.obstacle import obstacle
 from brp.programs.phototaxy import pi_phototaxy1
 from khepera_hil.controllers import avoid, follow, fusion, home, object, phototaxy, push, watchman
-from khepera_hil.controllers.base import Commanded, Controller, Decision, Program, Setting
+from khepera_hil.controllers.base import Commanded, Controller, Decision, Learner, Program, Setting
 
-__all__ = ["PROGRAMS", "Commanded", "Controller", "Decision", "Program", "Setting"]
+__all__ = ["PROGRAMS", "Commanded", "Controller", "Decision", "Learner", "Program", "Setting"]
 
 _OBSTACLE = ("Prox", "Dir")
 

@@ -18,6 +18,7 @@ __all__ = [
     "Commanded",
     "Controller",
     "Decision",
+    "Learner",
     "Program",
     "Reactive",
     "Setting",
@@ -90,6 +91,17 @@ class Commanded(Protocol):
 
         Raises :class:`~khepera_hil.errors.OrderRefused`, with nothing changed, for one that it does not know or
         that makes no sense now.
+        """
+
+
+@runtime_checkable
+class Learner(Protocol):
+    """A controller of which a question changes with what it meets: a recorded run is asked again in its order."""
+
+    @property
+    def learning(self) -> Mapping[str, Callable[[Mapping[str, Value]], Question]]:
+        """For each such question, by key, what takes the evidence of a tick in which it was asked, learns of that
+        what the step learnt then, and returns the question as it is asked the next time.
         """
 
 

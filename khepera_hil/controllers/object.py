@@ -7,19 +7,15 @@ there is none left it is reported, never merged.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from brp import BrpError, Distribution, P, Question, Value
-from brp.programs.object import Lrl, Nlt, Nrt, O, Per, recognised, unacquainted
+from brp import P, Question, Value
 from brp.programs.obstacle import Dir, Prox, Vrot, following
+from khepera_hil.controllers.acquaintance import Acquaintance
 from khepera_hil.controllers.base import USUAL, Decision, Setting, wheels, without
 from khepera_hil.perception import Obstacle, Readings, Tour
 
 __all__ = ["Recogniser", "controller"]
-
-_TOUR = (Nlt, Nrt, Per, Lrl)
 
 _LOST = 40
 """Ticks without anything near, after which the robot drives straight on instead of turning to what it has lost."""
@@ -28,8 +24,7 @@ _LOST = 40
 class Recogniser:
     """Goes around what it meets, and says each time what that was.
 
-    ``met`` has every tour so far with the class that it was taken for, as rows of a data set (O, Nlt, Nrt, Per,
-    Lrl): what the robot knows of objects, to be kept from one run to the next.
+    ``objects.met`` is what the robot knows of objects, to be kept from one run to the next.
     """
 
     name = "object"
@@ -37,15 +32,13 @@ class Recogniser:
     needs = ("N", "H")
 
     def __init__(self, setting: Setting = USUAL) -> None:
-        self.met: list[dict[str, int]] = []
-        self._knowing = unacquainted
-        for row in setting.met:
-            self._learn({variable.name: row[variable.name] for variable in (O, *_TOUR)})
+        self.objects = Acquaintance(setting.met)
+        self.learning = {"O": self.objects.again}
         self._obstacle, self._tour = Obstacle(), Tour()
         self._alone = 0
         follow = (setting.taught or following).ask(without(P(Vrot | Prox, Dir), setting.unknown))
         self._known = [(variable.keyword, variable.name) for variable in follow.known]
-        self.questions: dict[str, Question] = {"Vrot": follow, "O": self._recognise()}
+        self.questions: dict[str, Question] = {"Vrot": follow, "O": self.objects.question}
 
     def step(self, readings: Readings, rng: np.random.Generator) -> Decision:
         """Follow the contour; recognise and learn when the tour is done."""
@@ -63,32 +56,13 @@ class Recogniser:
         tour = self._tour.step(readings, near=near)
         if tour.values:
             evidence |= tour.values
-            answers["O"] = self._recognised(tour.values, events)
+            answers["O"], event = self.objects.meet(tour.values)
+            events.append(event)
+            self.questions["O"] = self.objects.question
         u = float(rng.random())
         vrot = follow.at(u)
         left, right = wheels(vrot)
         return Decision(evidence, answers, {"Vrot": u}, {"Vrot": vrot}, left, right, tour.clipped, events)
-
-    def _recognised(self, tour: Mapping[str, int], events: list[tuple[str, str]]) -> Distribution:
-        answer: Distribution = self.questions["O"](**tour)
-        said = " ".join(f"{name} {value}" for name, value in tour.items())
-        try:
-            o = recognised(self._knowing, tour)
-        except BrpError as error:
-            events.append(("warning", f"not learnt: {error}"))
-            return answer
-        new = answer.best() == 0
-        events.append(("info", f"{'a new object, from now on' if new else 'this is object'} {o} ({said})"))
-        self._learn({"O": o, **tour})
-        self.questions["O"] = self._recognise()
-        return answer
-
-    def _learn(self, row: dict[str, int]) -> None:
-        self._knowing = self._knowing.learn(row)
-        self.met.append(row)
-
-    def _recognise(self) -> Question:
-        return self._knowing.ask(P(O | Nlt, Nrt, Per, Lrl))
 
 
 def controller(setting: Setting = USUAL) -> Recogniser:

@@ -12,12 +12,12 @@ from typing import cast
 
 import numpy as np
 
-from brp import BrpError, Distribution, P, Question, Value
+from brp import Distribution, Question, Value
 from brp.programs.base import at_base
 from brp.programs.beacon import locate_beacon
 from brp.programs.behavior import behavior, steadier
-from brp.programs.object import Lrl, Nlt, Nrt, O, Per, recognised, unacquainted
 from brp.programs.watchman import pi_watchman
+from khepera_hil.controllers.acquaintance import TOUR, Acquaintance
 from khepera_hil.controllers.base import USUAL, VTRANS, Decision, Setting, wheels
 from khepera_hil.controllers.watchman_body import AT_REST, Body
 from khepera_hil.controllers.watchman_memory import Drawn
@@ -38,7 +38,6 @@ CAMERA: tuple[int | str, ...] = (2, "T")
 _ENERGY = ("I", VOLTAGE)
 _FRAME = ("T", *CAMERA)
 _EVERY = 10  # ticks from one reading of the battery's voltage to the next
-_TOUR = ("Nlt", "Nrt", "Per", "Lrl")
 _STILL = 1  # pulses that a wheel which stands still may creep in a tick
 _SECOND = 10  # ticks
 _LONGEST = 900  # ticks of following after which there is no object to be gone round
@@ -71,12 +70,12 @@ class Watchman:
         self._odometry, self._tour = Odometry(), Tour()
         self._memory = Drawn()
         self._body = Body()
-        self._knowing = unacquainted
+        self._objects = Acquaintance()
+        self.learning = {"O": self._objects.again}
         temporal = behavior if setting.stay == USUAL.stay else steadier(setting.stay)
         watching = pi_watchman(locate=locate_beacon, behavior=temporal).identify()
         self._mind = WholeMind() if setting.memory == "whole" else Mind(watching, setting.early)
-        self._recognise = self._knowing.ask(P(O | Nlt, Nrt, Per, Lrl))
-        self._last_tour = dict.fromkeys(_TOUR, 0)
+        self._last_tour = {variable.name: 0 for variable in TOUR}
         self._counters: tuple[int, int] | None = None
         self._followed = 0
         self._unfilled, self._heaviest = _SECOND, 0.0
@@ -84,7 +83,7 @@ class Watchman:
     @property
     def questions(self) -> Mapping[str, Question]:
         """What it asks each tick, and P(O | ...) after a tour."""
-        return {**self._mind.questions, "O": self._recognise}
+        return {**self._mind.questions, "O": self._objects.question}
 
     def order(self, words: str) -> str:
         """``vigil on``, ``vigil off``, ``vigil`` (the other way), and the same of ``identify``."""
@@ -192,19 +191,9 @@ class Watchman:
 
     def _recognised(self, events: list[tuple[str, str]]) -> Distribution:
         """Say what was gone round, learn it, and end the order."""
-        tour = self._last_tour
-        answer = self._recognise(**tour)
-        said = " ".join(f"{name} {value}" for name, value in tour.items())
+        answer, event = self._objects.meet(self._last_tour)
+        events.append(event)
         self.identify = False
-        try:
-            o = recognised(self._knowing, tour)
-        except BrpError as error:
-            events.append(("warning", f"not learnt: {error}"))
-            return answer
-        new = answer.best() == 0
-        events.append(("info", f"{'a new object, from now on' if new else 'this is object'} {o} ({said})"))
-        self._knowing = self._knowing.learn({"O": o, **tour})
-        self._recognise = self._knowing.ask(P(O | Nlt, Nrt, Per, Lrl))
         return answer
 
     def _give_up_identifying(self, events: list[tuple[str, str]]) -> None:

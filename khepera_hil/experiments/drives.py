@@ -8,7 +8,7 @@ lesson of its own), so that a case can say what it goes by.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,9 +21,10 @@ from khepera_hil.controllers import PROGRAMS, Controller, Setting
 from khepera_hil.experiments.arenas import OBJECTS, beside, lamp_somewhere, pushable, written
 from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.trial import Trial, drive
-from khepera_hil.recording import Tick
+from khepera_hil.recording import Pose, Tick
 from khepera_hil.teaching.lesson import BEHAVIORS, WORLDS, Lesson
 from khepera_hil.teaching.scripted import Scripted
+from khepera_hil.teaching.view import BODY, nearest_point
 
 __all__ = [
     "BEHAVIOR_TRIALS",
@@ -142,11 +143,13 @@ def follow(case: Case) -> Result:
     side = -1 if case["behavior"] == "follow-left" else 1
     thing = OBJECTS[case["object"]]
     state = {"turned": 0.0, "before": math.nan}
+    gaps: list[float] = []
 
     def watch(tick: Tick, trial: Trial) -> bool:
         if tick.pose is None:
             return False
-        x, y, _ = trial.poses[case["object"]]
+        x, y, _ = pose = trial.poses[case["object"]]
+        gaps.append(_gap(next(shape for shape in trial.shapes if shape["name"] == case["object"]), pose, tick.pose))
         angle = math.atan2(tick.pose[1] - y, tick.pose[0] - x)
         if not math.isnan(state["before"]):
             state["turned"] += (angle - state["before"] + math.pi) % (2 * math.pi) - math.pi
@@ -159,7 +162,16 @@ def follow(case: Case) -> Result:
         "round": abs(state["turned"]) >= 2 * math.pi,
         "seconds": round(trial.ticks[-1].t, 3),
         "longest_s": trial.score["contact_longest_s"],
+        "gap_mm": round(float(np.mean(gaps)), 2),
+        "gap_deviation_mm": round(float(np.std(gaps)), 2),
     }
+
+
+def _gap(shape: Mapping[str, Any], pose: Pose, robot: Pose) -> float:
+    """Between the robot's edge and a thing's, mm."""
+    x, y = nearest_point(dict(shape), pose, robot)
+    reach = 0.0 if "polygon" in shape else shape["radius"]
+    return 1000 * (math.hypot(x - robot[0], y - robot[1]) - reach - BODY)
 
 
 def phototaxy(case: Case) -> Result:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Figure", "counted", "mean", "rate", "share"]
+__all__ = ["Figure", "counted", "mean", "rate", "share", "table"]
 
 _TAIL = 0.025
 
@@ -48,6 +48,16 @@ class Figure:
             "target": self.target,
             "met": self.met,
         }
+
+    def cells(self) -> list[str]:
+        """As a table's cells in Markdown: name, value, interval, n, what is to be reached or the paper says."""
+        between = "" if self.low is None or self.high is None else f"[{_short(self.low)}, {_short(self.high)}]"
+        verdict = {True: " (reached)", False: " (**missed**)", None: ""}[self.met]
+        wanted = "" if self.target is None else f"{self.target}{verdict}"
+        said = "" if self.paper is None else f"paper: {self.paper}"
+        # A bar would end the cell.
+        name = self.name.replace(" | ", " given ")
+        return [name, _short(self.value), between, str(self.n), "; ".join(part for part in (wanted, said) if part)]
 
     def line(self) -> str:
         """As a line of a table."""
@@ -101,6 +111,15 @@ def mean(name: str, values: Sequence[float | None], target: str | None = None, p
 def counted(name: str, value: float, target: str | None = None, paper: str | None = None) -> Figure:
     """A number that is computed, and not drawn: it has no interval."""
     return Figure(name, float(value), None, None, 1, target, paper)
+
+
+def table(figures: Sequence[Figure]) -> list[str]:
+    """The figures as a table's lines in Markdown."""
+    return [
+        "| figure | measured | 95 % | n | to reach |",
+        "|---|---|---|---|---|",
+        *(f"| {' | '.join(figure.cells())} |".replace("|  |", "| |") for figure in figures),
+    ]
 
 
 def _rounded(number: float | None) -> float | None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,8 +18,7 @@ from khepera_hil.experiments.arenas import OBJECTS
 from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.experiment import Experiment, Report, no_cases, no_trial
 from khepera_hil.experiments.figures import Figure, counted, mean, rate, share
-from khepera_hil.experiments.picture import Chart
-from khepera_hil.experiments.show import charts_shown
+from khepera_hil.experiments.picture import Chart, Curve, charted
 from khepera_hil.teaching.lesson import BEHAVIORS
 from khepera_hil.world import scanner
 
@@ -56,12 +54,23 @@ def _figure(behavior: str, words: str, rows: Sequence[Result]) -> Figure:
     return share(f"lamp reached, {words}", [row["reached"] and row["ratio"] <= 1.5 for row in rows])
 
 
-def _table(title: str, columns: Sequence[str], rows: Sequence[tuple[str, Sequence[Figure]]]) -> list[str]:
-    lines = [f"  {title:24}" + "".join(f"{column:>22}" for column in columns)]
-    for name, figures in rows:
+_UNITS = {
+    "push": "pushed 200 mm",
+    "avoid": "contacts in 30 min",
+    "follow": "tours completed",
+    "phototaxy": "lamp reached",
+}
+"""What each behavior's figure is."""
+
+
+def _table(title: str, rows: Mapping[str, Mapping[str, Figure]]) -> list[str]:
+    """A line for each row, a column for each behavior."""
+    behaviors = next(iter(rows.values()))
+    lines = [f"  {title:24}" + "".join(f"{_UNITS[behavior]:>22}" for behavior in behaviors)]
+    for name, figures in rows.items():
         cells = "".join(
             f"{'-' if f.value is None else f'{f.value:.2f}':>8} [{_two(f.low)}, {_two(f.high)}]".rjust(22)
-            for f in figures
+            for f in figures.values()
         )
         lines.append(f"  {name:24}{cells}")
     return lines
@@ -69,6 +78,46 @@ def _table(title: str, columns: Sequence[str], rows: Sequence[tuple[str, Sequenc
 
 def _two(number: float | None) -> str:
     return "-" if number is None else f"{number:.2f}"
+
+
+def _crossed(
+    cases: Sequence[Case],
+    results: Sequence[Result],
+    key: str,
+    rows: Mapping[Any, str],
+    behaviors: Sequence[str],
+    words: str,
+) -> dict[str, dict[str, Figure]]:
+    """Each behavior's figure in each row: of the cases that have the row's value under ``key``.
+
+    ``rows`` names the values; ``words`` says what a figure is of, with ``behavior`` and ``row`` filled in.
+    """
+    pairs = list(zip(cases, results, strict=True))
+    return {
+        name: {
+            behavior: _figure(
+                behavior,
+                words.format(behavior=behavior, row=name),
+                [result for case, result in pairs if case["behavior"] == behavior and case[key] == value],
+            )
+            for behavior in behaviors
+        }
+        for value, name in rows.items()
+    }
+
+
+def _compared(title: str, left: str, rows: Mapping[str, Mapping[str, Figure]], axis: str) -> Report:
+    """A table, and a chart for each behavior with a bar for each row."""
+    behaviors = list(next(iter(rows.values())))
+    charts = [
+        charted(f"{behavior}: {_UNITS[behavior]}", axis, {name: cells[behavior] for name, cells in rows.items()})
+        for behavior in behaviors
+    ]
+    return Report(_flat(rows), _table(left, rows), charts, title=title)
+
+
+def _flat(rows: Mapping[str, Mapping[str, Figure]]) -> list[Figure]:
+    return [figure for cells in rows.values() for figure in cells.values()]
 
 
 # Lesson 2: one specification, five kinds of data, three behaviors.
@@ -89,17 +138,9 @@ def _lesson2_cases(seeds: Sequence[int]) -> list[Case]:
 
 
 def _lesson2_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
-    rows: list[tuple[str, list[Figure]]] = []
-    for data in (*_DATA, "no data", "shuffled"):
-        cells = []
-        for behavior in _BEHAVIORS:
-            found = [
-                r for c, r in zip(cases, results, strict=True) if c["behavior"] == behavior and c["data"] == data
-            ]
-            cells.append(_figure(behavior, f"as {behavior} with {data}", found))
-        rows.append((data, cells))
-    titles = ("pushed 200 mm", "contacts in 30 min", "tours completed")
-    return Report([f for _, cells in rows for f in cells], _table("pi-obstacle with", titles, rows))
+    names = {name: name for name in (*_DATA, "no data", "shuffled")}
+    rows = _crossed(cases, results, "data", names, _BEHAVIORS, "as {behavior} with {row}")
+    return _compared("Lesson 2: one specification, other data", "pi-obstacle with", rows, "the data")
 
 
 # The learning curve.
@@ -118,23 +159,18 @@ def _learning_cases(seeds: Sequence[int]) -> list[Case]:
 
 
 def _learning_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
-    rows = []
-    for seconds in _SECONDS:
-        cells = [
-            _figure(
-                behavior,
-                f"{behavior} after {seconds} s of driving",
-                [
-                    r
-                    for c, r in zip(cases, results, strict=True)
-                    if c["behavior"] == behavior and c["length"] == seconds
-                ],
-            )
-            for behavior in _TAUGHT
-        ]
-        rows.append((f"{seconds} s", cells))
-    titles = ("pushed 200 mm", "contacts in 30 min", "tours completed", "lamp reached")
-    return Report([f for _, cells in rows for f in cells], _table("taught for", titles, rows))
+    names = {seconds: f"{seconds} s" for seconds in _SECONDS}
+    rows = _crossed(cases, results, "length", names, _TAUGHT, "{behavior} after {row} of driving")
+    curves = [
+        Curve(
+            f"{behavior}: {_UNITS[behavior]}",
+            "seconds of driving",
+            _SECONDS,
+            {_UNITS[behavior]: [cells[behavior] for cells in rows.values()]},
+        )
+        for behavior in _TAUGHT
+    ]
+    return Report(_flat(rows), _table("taught for", rows), curves=curves, title="What so much driving teaches")
 
 
 # Noise: what is taught is as uncertain as the sensors are (11.1).
@@ -169,7 +205,7 @@ def _noise_cases(seeds: Sequence[int]) -> list[Case]:
 
 
 def _noise_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
-    figures = []
+    figures: list[Figure] = []
     lines = ["  noise   mean deviation of the taught Gaussians   situations visited"]
     for times in _TIMES:
         rows = [r for c, r in zip(cases, results, strict=True) if c["times"] == times]
@@ -177,7 +213,8 @@ def _noise_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
         cells = float(np.mean([r["cells"] for r in rows]))
         value = figures[-1].value
         lines.append(f"  x {times}     {'-' if value is None else f'{value:.2f}':>39}   {cells:18.0f}")
-    return Report(figures, lines)
+    curve = Curve("mean deviation of the taught Gaussians", "times the usual noise", _TIMES, {"deviation": figures})
+    return Report(figures, lines, curves=[curve], title="What is taught is as uncertain as the sensors", columns=1)
 
 
 # Other robots: taught on one, run on others (11.2).
@@ -193,23 +230,9 @@ def _robots_cases(seeds: Sequence[int]) -> list[Case]:
 
 
 def _robots_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
-    rows = []
-    for robot in ("its own", "another"):
-        cells = [
-            _figure(
-                behavior,
-                f"{behavior}, taught on {robot} robot",
-                [
-                    r
-                    for c, r in zip(cases, results, strict=True)
-                    if c["behavior"] == behavior and c["robot"] == robot
-                ],
-            )
-            for behavior in _TAUGHT
-        ]
-        rows.append((f"{robot} robot", cells))
-    titles = ("pushed 200 mm", "contacts in 30 min", "tours completed", "lamp reached")
-    return Report([f for _, cells in rows for f in cells], _table("taught on", titles, rows))
+    names = {robot: f"{robot} robot" for robot in ("its own", "another")}
+    rows = _crossed(cases, results, "robot", names, _TAUGHT, "{behavior}, taught on {row}")
+    return _compared("Taught on one robot, run on others", "taught on", rows, "taught on")
 
 
 # Lesson 6: opposite questions on the same descriptions.
@@ -237,7 +260,18 @@ def _opposite() -> list[tuple[str, Any, list[float]]]:
 
 
 def _lesson6_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
-    turning, straight, away, towards, _ = (answer for _, answer, _ in _opposite())
+    asked = _opposite()
+    turning, straight, away, towards, _ = (answer for _, answer, _ in asked)
+    charts = [
+        Chart(
+            title,
+            "asked the other way round",
+            answer.p.tolist(),
+            at or None,
+            None if at else ["avoidance", "phototaxy"],
+        )
+        for title, answer, at in asked
+    ]
     return Report(
         [
             counted("mean Prox when following turns hard away (Vrot -10, Dir 9)", turning.mean()),
@@ -248,21 +282,9 @@ def _lesson6_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
             counted("P(avoidance) when it turned to the light (Vrot -9)", towards["avoidance"], "<= 0.5"),
         ],
         ["  the descriptions are those of follow and home: nothing was added to ask the other way round"],
+        charts,
+        title="Lesson 6: opposite questions on the same descriptions",
     )
-
-
-def _lesson6_show(folder: Path) -> list[Path]:
-    charts = [
-        Chart(
-            title,
-            "asked the other way round",
-            answer.p.tolist(),
-            at or None,
-            None if at else ["avoidance", "phototaxy"],
-        )
-        for title, answer, at in _opposite()
-    ]
-    return charts_shown(folder, "lesson6", "Opposite questions on the same descriptions", charts)
 
 
 EXPERIMENTS = (
@@ -281,7 +303,6 @@ EXPERIMENTS = (
         no_cases,
         no_trial,
         _lesson6_report,
-        _lesson6_show,
     ),
     Experiment("learning", "5 to 60 seconds of driving", "5.5", _learning_cases, _trial, _learning_report),
     Experiment(

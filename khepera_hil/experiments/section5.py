@@ -6,11 +6,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from khepera_hil.experiments import drives
-from khepera_hil.experiments.arenas import OBJECTS
+from khepera_hil.experiments.arenas import OBJECTS, beside, written
 from khepera_hil.experiments.cases import Case, Result
-from khepera_hil.experiments.experiment import Experiment, Report
-from khepera_hil.experiments.figures import mean, rate, share
+from khepera_hil.experiments.experiment import Experiment, Report, Shown
+from khepera_hil.experiments.figures import Figure, mean, rate, share
+from khepera_hil.experiments.picture import Chart, charted
 from khepera_hil.experiments.show import run_shown
 
 __all__ = ["EXPERIMENTS"]
@@ -64,7 +67,13 @@ def _push_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
         share("a 40 g box, Prox unknown (E5.3)", far["box 40 g, Prox unknown"]),
         *(share(f"pushed 200 mm: {what}", far[what]) for what in THINGS if what not in ("disc 40 g", HEAVY)),
     ]
-    return Report(figures)
+    pushed = {what: share(what, hits) for what, hits in far.items()}
+    ways = {what: mean(what, [result["moved_mm"] for result in found]) for what, found in moved.items()}
+    charts = [
+        charted("pushed 200 mm within 30 s, share", "the thing", pushed),
+        charted("pushed, mm (a trial ends at 200)", "the thing", ways),
+    ]
+    return Report(figures, charts=charts, title="Pushing by half a minute of driving", columns=1)
 
 
 def _avoid_cases(seeds: Sequence[int]) -> list[Case]:
@@ -78,6 +87,7 @@ def _avoid_cases(seeds: Sequence[int]) -> list[Case]:
 def _avoid_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
     found = _by(cases, results, "by")
     figures = []
+    long: dict[str, Figure] = {}
     for by, words, target in (
         ("specified", "the specified table", "<= 1"),
         ("shipped", "the shipped delta-avoid", "<= 3"),
@@ -85,12 +95,14 @@ def _avoid_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
     ):
         rows = found[by]
         contacts = sum(row["long"] for row in rows)
-        figures.append(rate(f"contacts over 0.5 s in 30 min, {words}", contacts, len(rows), len(rows), target))
+        long[by] = rate(f"contacts over 0.5 s in 30 min, {words}", contacts, len(rows), len(rows), target)
+        figures.append(long[by])
     for by, words in (("specified", "the specified table"), ("shipped", "the shipped delta-avoid")):
         ways = [row["way_m"] / (_FREE * row["seconds"]) for row in found[by]]
         figures.append(mean(f"way, as a share of free running, {words}", ways, ">= 0.9"))
     lines = [f"  longest contact of all: {max(row['longest_s'] for row in results):.2f} s"]
-    return Report(figures, lines)
+    charts = [charted("contacts over 0.5 s in 30 min", "who drives", long)]
+    return Report(figures, lines, charts, title="Avoidance in the furnished arena", columns=1)
 
 
 def _follow_cases(seeds: Sequence[int]) -> list[Case]:
@@ -107,6 +119,7 @@ def _follow_cases(seeds: Sequence[int]) -> list[Case]:
 
 def _follow_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
     figures = []
+    tours: dict[str, Figure] = {}
     for by, words, target in (("specified", "specified", ">= 0.99"), ("shipped", "as taught", ">= 0.95")):
         for behavior, side in (("follow", "right"), ("follow-left", "left")):
             hits = [
@@ -115,6 +128,7 @@ def _follow_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
                 if case["by"] == by and case["behavior"] == behavior
             ]
             figures.append(share(f"tours completed, {words}, object at the {side}", hits, target))
+            tours[f"{words}, {side}"] = figures[-1]
     missed: dict[str, int] = {}
     for case, result in zip(cases, results, strict=True):
         if not result["round"]:
@@ -126,7 +140,8 @@ def _follow_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
             [r["longest_s"] > 0.5 for c, r in zip(cases, results, strict=True) if c["by"] == "specified"],
         )
     )
-    return Report(figures, lines)
+    charts = [charted("tours completed", "the table, and the object's side", tours)]
+    return Report(figures, lines, charts, title="Tours around fifteen objects", columns=1)
 
 
 def _phototaxy_cases(seeds: Sequence[int]) -> list[Case]:
@@ -136,12 +151,45 @@ def _phototaxy_cases(seeds: Sequence[int]) -> list[Case]:
 def _phototaxy_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
     found = _by(cases, results, "by")
     figures = []
+    charts = []
     for by, words, target in (("specified", "specified", ">= 0.98"), ("shipped", "as taught", None)):
         rows = found[by]
         good = [row["reached"] and row["ratio"] <= 1.5 for row in rows]
         figures.append(share(f"lamp reached by at most 1.5 times the straight way, {words}", good, target))
-        figures.append(mean(f"way over straight way, {words}", [row["ratio"] for row in rows if row["reached"]]))
-    return Report(figures)
+        ratios = [row["ratio"] for row in rows if row["reached"]]
+        figures.append(mean(f"way over straight way, {words}", ratios))
+        counts, edges = np.histogram(ratios, bins=20, range=(1.0, 2.0))
+        charts.append(
+            Chart(f"runs by way over straight way, {words}", "ratio", counts.tolist(), edges[:-1].tolist())
+        )
+    return Report(figures, charts=charts, title="Phototaxy", columns=1)
+
+
+# Figure 4: what is seen of contour following from above.
+
+_ROUND = "rectangle 60 x 160"
+
+
+def _fig4_cases(seeds: Sequence[int]) -> list[Case]:
+    return [{"by": "shipped", "seed": seed, "behavior": "follow", "object": _ROUND} for seed in seeds]
+
+
+def _fig4_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
+    whole = [row for row in results if row["round"]]
+    return Report(
+        [
+            share("tours completed, as taught", [row["round"] for row in results], ">= 0.95"),
+            mean("distance from the contour on a tour, mm", [row["gap_mm"] for row in whole]),
+            mean("its deviation on a tour, mm", [row["gap_deviation_mm"] for row in whole]),
+            mean("seconds for a tour", [row["seconds"] for row in whole]),
+            share("tours with a contact over 0.5 s", [row["longest_s"] > 0.5 for row in results]),
+        ]
+    )
+
+
+def _fig4_show(folder: Path) -> Shown:
+    with written(beside(OBJECTS[_ROUND], 1, drives.generator(1, 4))) as world:
+        return run_shown(folder, drives.program("follow", "shipped"), world=world, seed=1, seconds=30, every=8)
 
 
 def _by(cases: Sequence[Case], results: Sequence[Result], key: str) -> dict[str, list[Result]]:
@@ -151,8 +199,8 @@ def _by(cases: Sequence[Case], results: Sequence[Result], key: str) -> dict[str,
     return found
 
 
-def _shown(behavior: str, by: str, world: str, seconds: float) -> Callable[[Path], list[Path]]:
-    def show(folder: Path) -> list[Path]:
+def _shown(behavior: str, by: str, world: str, seconds: float) -> Callable[[Path], Shown]:
+    def show(folder: Path) -> Shown:
         return run_shown(folder, drives.program(behavior, by), world=world, seed=1, seconds=seconds)
 
     return show
@@ -185,6 +233,15 @@ EXPERIMENTS = (
         drives.follow,
         _follow_report,
         _shown("follow", "shipped", "post", 40),
+    ),
+    Experiment(
+        "fig4",
+        "contour following from above, as taught",
+        "5.5",
+        _fig4_cases,
+        drives.follow,
+        _fig4_report,
+        _fig4_show,
     ),
     Experiment(
         "phototaxy",

@@ -18,10 +18,10 @@ from khepera_hil.controllers.fusion import Fusion
 from khepera_hil.experiments.arenas import lamp_somewhere, written
 from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.drives import generator
-from khepera_hil.experiments.experiment import Experiment, Report, no_cases, no_trial
+from khepera_hil.experiments.experiment import Experiment, Report, Shown, no_cases, no_trial
 from khepera_hil.experiments.figures import Figure, counted, mean, rate, share
-from khepera_hil.experiments.picture import Chart
-from khepera_hil.experiments.show import charts_shown, run_shown
+from khepera_hil.experiments.picture import Chart, Curve, charted
+from khepera_hil.experiments.show import run_shown
 from khepera_hil.experiments.trial import Trial, drive
 from khepera_hil.recording import Tick
 from khepera_hil.teaching.calibration import Turning, calibrated
@@ -175,14 +175,23 @@ def _fusion_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
         ]
     figures.append(mean("scaled readings (E6.2 as printed), I = 7", [r["scaled"] for r in of("sound", False)]))
     figures.append(mean("mean error, degrees, I = 1.22", [r["error"] for r in of("dim", True)]))
-    return Report(figures)
+    errors = {
+        "sound": figures[0],
+        "one broken, before it is named": figures[1],
+        "once it is named": figures[2],
+        "sound, not calibrated": figures[5],
+        "scaled (E6.2)": figures[-2],
+        "I = 1.22": figures[-1],
+    }
+    chart = charted("mean error of the most probable Theta2, degrees", "sensors and lamp", errors)
+    return Report(figures, charts=[chart], title="Where a lamp is, by eight sensors", columns=1)
 
 
 def _in_time(result: Result) -> bool:
     return bool(result["named_it"]) and result["visible_before_s"] <= 5.0
 
 
-def _fusion_show(folder: Path) -> list[Path]:
+def _fusion_show(folder: Path) -> Shown:
     return run_shown(folder, Fusion(), world="lamp", seed=1, seconds=90, options={"scenario": "broken-sensor"})
 
 
@@ -190,19 +199,17 @@ def _fusion_show(folder: Path) -> list[Path]:
 
 
 def _fig5_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
+    values = [K(int(theta), 0) for theta in Theta2.numbers]
     return Report(
         [
-            counted("K(0, 0)", K(0, 0), paper="about 1"),
-            counted("K(45, 0)", K(45, 0), paper="0.5 (alpha = 45)"),
-            counted("K(90, 0)", K(90, 0), paper="about 0"),
-        ]
+            counted("K(0, 0)", K(0, 0), ">= 0.99", paper="about 1"),
+            counted("K(45, 0)", K(45, 0), "== 0.5", paper="0.5 (alpha = 45)"),
+            counted("K(90, 0)", K(90, 0), "<= 0.01", paper="about 0"),
+        ],
+        charts=[Chart("K(Theta2, 0)", "Theta2, degrees", values, list(Theta2.numbers))],
+        title="Figure 5: K(Theta2, 0), alpha 45, beta 0.03",
+        columns=1,
     )
-
-
-def _fig5_show(folder: Path) -> list[Path]:
-    values = [K(int(theta), 0) for theta in Theta2.numbers]
-    chart = Chart("K(Theta2, 0)", "Theta2, degrees", values, list(Theta2.numbers))
-    return charts_shown(folder, "fig5", "Figure 5: K(Theta2, 0), alpha 45, beta 0.03", [chart], columns=1)
 
 
 def _fig6_light() -> dict[str, int]:
@@ -222,6 +229,13 @@ def _fig6_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
     single, fused, half = _fig6_parts()
     p = half.p
     peaks = [int(Theta2.numbers[k]) for k in range(36) if p[k] > p[k - 1] and p[k] > p[(k + 1) % 36]]
+    at = list(Theta2.numbers)
+    charts = [
+        Chart(f"P(Theta2 | {v.name}), sensor at {theta}", "Theta2, degrees", one.p.tolist(), at)
+        for v, theta, one in zip(N, BEARINGS, single, strict=True)
+    ]
+    charts.append(Chart("P(Theta2 | N1 ... N8)", "the fusion", fused.p.tolist(), at))
+    charts.append(Chart("one sensor at half brightness", "two peaks (lesson 6)", half.p.tolist(), at))
     return Report(
         [
             counted("most probable bearing of a light at 10 degrees", fused.best(), "== 10", "10"),
@@ -232,32 +246,28 @@ def _fig6_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
             counted("peaks of one sensor read at half brightness (lesson 6)", len(peaks), "== 2", "several peaks"),
         ],
         [f"  the two peaks are at {' and '.join(map(str, peaks))} degrees"],
+        charts,
+        title="Figure 6: a light at 10 degrees",
+        columns=3,
     )
-
-
-def _fig6_show(folder: Path) -> list[Path]:
-    single, fused, half = _fig6_parts()
-    at = list(Theta2.numbers)
-    charts = [
-        Chart(f"P(Theta2 | {v.name}), sensor at {theta}", "Theta2, degrees", one.p.tolist(), at)
-        for v, theta, one in zip(N, BEARINGS, single, strict=True)
-    ]
-    charts.append(Chart("P(Theta2 | N1 ... N8)", "the fusion", fused.p.tolist(), at))
-    charts.append(Chart("one sensor at half brightness", "two peaks (lesson 6)", half.p.tolist(), at))
-    return charts_shown(folder, "fig6", "Figure 6: a light at 10 degrees", charts, columns=3)
 
 
 def _lesson3_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
     joint = math.log2(36) + 8 * math.log2(512)
     product = math.log2(36 * (512 * 36) * 8)
     stored = math.log2(36 + 8 * 512 * 36)
+    figures = [
+        counted("log2 of the joint's size, 36 x 512^8", joint, paper="79"),
+        counted("log2 of 36 x (512 x 36) x 8", product, paper="22"),
+        counted("log2 of the numbers in the decomposition's terms", stored),
+    ]
+    sizes = dict(zip(("the joint", "36 x (512 x 36) x 8", "in its terms"), figures, strict=True))
     return Report(
-        [
-            counted("log2 of the joint's size, 36 x 512^8", joint, paper="79"),
-            counted("log2 of 36 x (512 x 36) x 8", product, paper="22"),
-            counted("log2 of the numbers in the decomposition's terms", stored),
-        ],
+        figures,
         ["  36 x 512^8 is 2^77.2 and not 2^79; the paper's product counts 36 twice: the terms hold 2^17.2 numbers"],
+        [charted("log2 of how many numbers", "what is stored", sizes)],
+        title="Lesson 3: what the decomposition saves",
+        columns=1,
     )
 
 
@@ -306,7 +316,7 @@ def _lesson5_cases(seeds: Sequence[int]) -> list[Case]:
 
 
 def _lesson5_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
-    figures = []
+    figures: list[Figure] = []
     lines = ["  sensors   error (degrees)   entropy (bits)   microseconds a question"]
     for count in _SETS:
         rows = [result[str(count)] for result in results if result[str(count)]["error"] is not None]
@@ -315,11 +325,15 @@ def _lesson5_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
         if rows:
             values = [float(np.mean([row[name] for row in rows])) for name in ("error", "entropy", "us")]
             lines.append(f"  {count:7d}   {values[0]:15.1f}   {values[1]:14.2f}   {values[2]:23.0f}")
-    return Report(figures, lines)
+    curves = [
+        Curve("mean error, degrees", "sensors", list(_SETS), {"error": figures[::2]}),
+        Curve("entropy, bits", "sensors", list(_SETS), {"entropy": figures[1::2]}),
+    ]
+    return Report(figures, lines, curves=curves, title="Lesson 5: fusion by 1, 2, 4 and 8 sensors")
 
 
 EXPERIMENTS = (
-    Experiment("fig5", "the sensor model K(Theta2, 0)", "6.2", no_cases, no_trial, _fig5_report, _fig5_show),
+    Experiment("fig5", "the sensor model K(Theta2, 0)", "6.2", no_cases, no_trial, _fig5_report),
     Experiment(
         "fusion",
         "where a lamp is, with sound and broken sensors, which are named",
@@ -329,7 +343,7 @@ EXPERIMENTS = (
         _fusion_report,
         _fusion_show,
     ),
-    Experiment("fig6", "eight poor sensors and their fusion", "6.4", no_cases, no_trial, _fig6_report, _fig6_show),
+    Experiment("fig6", "eight poor sensors and their fusion", "6.4", no_cases, no_trial, _fig6_report),
     Experiment("lesson3", "the sizes of the joint and of its terms", "6.4", no_cases, no_trial, _lesson3_report),
     Experiment(
         "lesson5", "fusion by 1, 2, 4 and 8 sensors", "6.4", _lesson5_cases, _lesson5_trial, _lesson5_report

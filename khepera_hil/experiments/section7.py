@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,10 +18,10 @@ from khepera_hil.controllers.base import Reactive
 from khepera_hil.experiments.arenas import pocket, written
 from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.drives import generator, lesson
-from khepera_hil.experiments.experiment import Experiment, Report, no_cases, no_trial
-from khepera_hil.experiments.figures import counted, mean, share
-from khepera_hil.experiments.picture import Chart
-from khepera_hil.experiments.show import charts_shown, run_shown
+from khepera_hil.experiments.experiment import Experiment, Report, Shown, no_cases, no_trial
+from khepera_hil.experiments.figures import Figure, counted, mean, share
+from khepera_hil.experiments.picture import Chart, Curve, charted
+from khepera_hil.experiments.show import run_shown
 from khepera_hil.experiments.trial import Trial, drive
 from khepera_hil.perception import LightBearing, Obstacle
 from khepera_hil.recording import Tick
@@ -29,6 +30,8 @@ from khepera_hil.teaching.hidden import learnt_home, weights
 __all__ = ["EXPERIMENTS", "NOW_FAR", "NOW_NEAR"]
 
 _LIMIT = 120.0
+_BASE = 0.18
+"""Side of the base's square in its corner, m."""
 POCKETS = {"pocket 200 x 120, low": (200, 120, 30), "pocket 300 x 150, low": (300, 150, 30)}
 
 
@@ -68,7 +71,7 @@ def _home_trial(case: Case) -> Result:
     """Whether the base was reached within two minutes, and what was touched on the way."""
 
     def watch(tick: Tick, trial: Trial) -> bool:
-        return tick.pose is not None and tick.pose[0] <= 0.18 and tick.pose[1] <= 0.18
+        return tick.pose is not None and tick.pose[0] <= _BASE and tick.pose[1] <= _BASE
 
     controller = _controller(case["kind"], case["seed"])
     if case["where"] == "furnished":
@@ -89,7 +92,7 @@ def _home_cases(seeds: Sequence[int]) -> list[Case]:
 
 
 def _home_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
-    figures = []
+    figures: list[Figure] = []
     for where in ("furnished", *POCKETS):
         rows = [result for case, result in zip(cases, results, strict=True) if case["where"] == where]
         here = where == "furnished"
@@ -107,7 +110,12 @@ def _home_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
         r["seconds"] for c, r in zip(cases, results, strict=True) if c["where"] == "furnished" and r["reached"]
     )
     lines = [f"  median time home in furnished: {times[len(times) // 2]:.1f} s"] if times else []
-    return Report(figures, lines)
+    places = ("furnished", *POCKETS)
+    charts = [
+        charted("base reached within 120 s", "where", dict(zip(places, figures[::2], strict=True))),
+        charted("runs with a contact over 1 s", "where", dict(zip(places, figures[1::2], strict=True))),
+    ]
+    return Report(figures, lines, charts, title="Homing", columns=1)
 
 
 _KINDS = ("home", "hard threshold", "avoidance alone", "phototaxy alone", "learnt P(H | Prox)")
@@ -118,7 +126,7 @@ def _lesson7_cases(seeds: Sequence[int]) -> list[Case]:
 
 
 def _lesson7_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
-    figures = []
+    figures: list[Figure] = []
     lines = ["  program               base reached   contact over 1 s   median time (s)"]
     for kind in _KINDS:
         rows = [result for case, result in zip(cases, results, strict=True) if case["kind"] == kind]
@@ -128,10 +136,14 @@ def _lesson7_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
         times = [r["seconds"] for r in rows if r["reached"]]
         median = f"{np.median(times):.1f}" if times else "-"
         lines.append(f"  {kind:20}  {np.mean(reached):12.2f}   {np.mean(long):16.2f}   {median:>15}")
-    return Report(figures, lines)
+    charts = [
+        charted("base reached within 120 s", "P(H | Prox)", dict(zip(_KINDS, figures[::2], strict=True))),
+        charted("runs with a contact over 1 s", "P(H | Prox)", dict(zip(_KINDS, figures[1::2], strict=True))),
+    ]
+    return Report(figures, lines, charts, title="Lesson 7: what mixing is worth", columns=1)
 
 
-def _home_show(folder: Path) -> list[Path]:
+def _home_show(folder: Path) -> Shown:
     return run_shown(folder, PROGRAMS["home"].make(), world="furnished", seed=8, seconds=40)
 
 
@@ -166,29 +178,27 @@ def _specified() -> list[float]:
 
 def _fig7_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
     w = _specified()
+    places = range(len(w))
+    learnt = {
+        name: [
+            mean(f"P(avoidance | Prox {prox}) learnt {words}, H hidden", [r[name][prox] for r in results])
+            for prox in places
+        ]
+        for name, words in (("own", "from runs of home"), ("taught", "from homing by hand"))
+    }
     figures = [
         counted("P(avoidance | Prox 0)", w[0], "<= 0.001", "0"),
         counted("P(avoidance | Prox 9)", w[9], "== 0.5", "0.5 (alpha = 9)"),
         counted("P(avoidance | Prox 15)", w[15], ">= 0.99", "1"),
-        *(
-            mean(f"P(avoidance | Prox {prox}) learnt {words}, H hidden", [r[name][prox] for r in results])
-            for name, words in (("own", "from runs of home"), ("taught", "from homing by hand"))
-            for prox in (0, 9, 15)
-        ),
+        *(line[prox] for line in learnt.values() for prox in (0, 9, 15)),
     ]
-    return Report(figures)
-
-
-def _fig7_show(folder: Path) -> list[Path]:
-    at = [float(prox) for prox in Prox.values]
-    own = weights(learnt_home(_own(1), by_hand=True)).tolist()
-    taught = weights(learnt_home(_lessons(1))).tolist()
-    charts = [
-        Chart("P(avoidance | Prox pi-home)", "Prox", _specified(), at),
-        Chart("learnt from two minutes of home, H never observed", "Prox", own, at),
-        Chart("learnt from two minutes of homing by hand", "Prox", taught, at),
-    ]
-    return charts_shown(folder, "fig7", "Figure 7: P(avoidance | Prox)", charts, columns=1)
+    lines = {
+        "specified": [counted("", one) for one in w],
+        "learnt from two minutes of home, H never observed": learnt["own"],
+        "learnt from two minutes of homing by hand": learnt["taught"],
+    }
+    curve = Curve("P(avoidance | Prox pi-home)", "Prox", list(places), lines)
+    return Report(figures, curves=[curve], title="Figure 7: P(avoidance | Prox)", columns=1)
 
 
 NOW_NEAR = {"Dir": -5, "Prox": 12, "Theta1": -90}
@@ -210,36 +220,70 @@ def _turns_right(answer: Any) -> float:
     return float(sum(answer[vrot] for vrot in Vrot.values if int(vrot) > 0))
 
 
-def _figure9(now: dict[str, int], target: str, said: str) -> Report:
+def _figure9(now: dict[str, int], target: str, said: str, title: str) -> Report:
     found = _combination(now)
+    at = [float(vrot) for vrot in Vrot.values]
+    h = found["H"]
     return Report(
         [
             counted("P(turns right) by phototaxy alone", _turns_right(found["phototaxy"])),
             counted("P(turns right) by avoidance alone", _turns_right(found["avoidance"])),
-            counted("P(avoidance | Prox)", found["H"]["avoidance"]),
+            counted("P(avoidance | Prox)", h["avoidance"]),
             counted("P(turns right) by the combination", _turns_right(found["home"]), target, said),
         ],
         [f"  at Dir {now['Dir']}, Prox {now['Prox']}, Theta1 {now['Theta1']}"],
+        [
+            Chart("P(Vrot | Theta1 phototaxy)", "Vrot", found["phototaxy"].p.tolist(), at),
+            Chart("P(Vrot | Dir Prox avoidance)", "Vrot", found["avoidance"].p.tolist(), at),
+            Chart(
+                "P(H | Prox)",
+                "the command variable",
+                [h["avoidance"], h["phototaxy"]],
+                None,
+                ["avoidance", "phototaxy"],
+            ),
+            Chart("P(Vrot | Dir Prox Theta1 pi-home)", "Vrot", found["home"].p.tolist(), at),
+        ],
+        title=title,
     )
 
 
-def _figure9_shown(folder: Path, name: str, now: dict[str, int], title: str) -> list[Path]:
-    found = _combination(now)
-    at = [float(vrot) for vrot in Vrot.values]
-    h = found["H"]
-    charts = [
-        Chart("P(Vrot | Theta1 phototaxy)", "Vrot", found["phototaxy"].p.tolist(), at),
-        Chart("P(Vrot | Dir Prox avoidance)", "Vrot", found["avoidance"].p.tolist(), at),
-        Chart(
-            "P(H | Prox)",
-            "the command variable",
-            [h["avoidance"], h["phototaxy"]],
-            None,
-            ["avoidance", "phototaxy"],
-        ),
-        Chart("P(Vrot | Dir Prox Theta1 pi-home)", "Vrot", found["home"].p.tolist(), at),
-    ]
-    return charts_shown(folder, name, title, charts)
+# Figure 8: what is seen of homing from above.
+
+
+def _fig8_trial(case: Case) -> Result:
+    """Homing from anywhere: how long the way is, and how much of it avoidance has the say."""
+
+    def watch(tick: Tick, trial: Trial) -> bool:
+        return tick.pose is not None and tick.pose[0] <= _BASE and tick.pose[1] <= _BASE
+
+    trial = drive(PROGRAMS["home"].make(), world="furnished", seed=case["seed"], duration=_LIMIT, watch=watch)
+    first = trial.ticks[0].pose
+    assert first is not None
+    straight = math.hypot(max(0.0, first[0] - _BASE), max(0.0, first[1] - _BASE))
+    weights = [float(tick.answers["H"].p[0]) for tick in trial.ticks if "H" in tick.answers]
+    return {
+        "reached": trial.stopped,
+        "ratio": round(trial.path / straight, 4) if straight > 0 else None,
+        "seconds": round(trial.ticks[-1].t, 2),
+        "avoids": round(float(np.mean([weight > 0.5 for weight in weights])), 4),
+    }
+
+
+def _fig8_cases(seeds: Sequence[int]) -> list[Case]:
+    return [{"seed": seed} for seed in seeds]
+
+
+def _fig8_report(cases: Sequence[Case], results: Sequence[Result]) -> Report:
+    there = [r for r in results if r["reached"]]
+    return Report(
+        [
+            share("base reached within 120 s", [r["reached"] for r in results], ">= 0.98", "efficient homing"),
+            mean("way over the straight way to the base", [r["ratio"] for r in there]),
+            mean("seconds to the base", [r["seconds"] for r in there]),
+            mean("share of the ticks in which avoidance outweighs phototaxy", [r["avoids"] for r in there]),
+        ]
+    )
 
 
 EXPERIMENTS = (
@@ -259,15 +303,14 @@ EXPERIMENTS = (
         _fig7_cases,
         _fig7_trial,
         _fig7_report,
-        _fig7_show,
     ),
     Experiment(
         "fig8",
         "homing from above",
         "7.5",
-        no_cases,
-        no_trial,
-        lambda cases, results: Report([], ["  a picture and a recording; its figures are those of home"]),
+        _fig8_cases,
+        _fig8_trial,
+        _fig8_report,
         _home_show,
     ),
     Experiment(
@@ -276,8 +319,9 @@ EXPERIMENTS = (
         "7.5",
         no_cases,
         no_trial,
-        lambda cases, results: _figure9(NOW_NEAR, ">= 0.9", "turns right"),
-        lambda folder: _figure9_shown(folder, "fig9", NOW_NEAR, "Figure 9: close to an object on the left"),
+        lambda cases, results: _figure9(
+            NOW_NEAR, ">= 0.9", "turns right", "Figure 9: close to an object on the left"
+        ),
     ),
     Experiment(
         "fig10",
@@ -285,8 +329,12 @@ EXPERIMENTS = (
         "7.5",
         no_cases,
         no_trial,
-        lambda cases, results: _figure9(NOW_FAR, "<= 0.5", "may turn left despite the obstacle"),
-        lambda folder: _figure9_shown(folder, "fig10", NOW_FAR, "Figure 10: further from the object on the left"),
+        lambda cases, results: _figure9(
+            NOW_FAR,
+            "<= 0.5",
+            "may turn left despite the obstacle",
+            "Figure 10: further from the object on the left",
+        ),
     ),
     Experiment(
         "lesson7",

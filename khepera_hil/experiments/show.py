@@ -1,9 +1,8 @@
-"""What there is to look at: a recorded run with its picture from above, and distributions as charts."""
+"""What there is to look at: a recorded run, and its picture from above."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import closing
 from datetime import datetime
 from functools import partial
@@ -11,12 +10,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
 import serial
 
 from khepera_hil import chance
 from khepera_hil.controllers import Controller
-from khepera_hil.experiments.picture import Chart, superposed, written_charts
+from khepera_hil.experiments.experiment import Shown
+from khepera_hil.experiments.picture import FromAbove, superposed
 from khepera_hil.experiments.trial import BAUD, PERIOD, emulator_url
 from khepera_hil.follower import Follower
 from khepera_hil.khepera import Khepera
@@ -26,7 +25,7 @@ from khepera_hil.recording import Recording, Tick
 from khepera_hil.service import Service
 from khepera_hil.viewer import FILE, ROWS_FAST, open_file
 
-__all__ = ["charts_shown", "run_shown"]
+__all__ = ["run_shown"]
 
 
 class _Poses:
@@ -54,8 +53,8 @@ def run_shown(
     seconds: float,
     every: int = 15,
     options: Mapping[str, str] = MappingProxyType({}),
-) -> list[Path]:
-    """Record a run with its viewer's file, and draw it from above as superposed images; where both are."""
+) -> Shown:
+    """Record a run with its viewer's file, and draw it from above as superposed images."""
     if "khepera_hil.ports" not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append("khepera_hil.ports")
     with closing(open_port(emulator_url(world, seed, options), BAUD)) as port:
@@ -84,31 +83,8 @@ def run_shown(
             service.run(recording, duration=seconds)
         finally:
             recording.close({"ticks": service.ticks, "stop": service.ended, "score": witness.score()})
-        picture = recording.folder / "above.svg"
-        picture.write_text(superposed(witness.size(), witness.shapes(), poses.now, poses.robot, every), "utf-8")
-    return [recording.folder / FILE, picture]
-
-
-def charts_shown(folder: Path, name: str, title: str, charts: Sequence[Chart], *, columns: int = 2) -> list[Path]:
-    """Distributions as a picture, and as a recording of one moment with a layout of its own."""
-    folder.mkdir(parents=True, exist_ok=True)
-    picture = folder / f"{name}.svg"
-    picture.write_text(written_charts(title, charts, columns=columns), "utf-8")
-    path = folder / f"{name}.rrd"
-    os.environ.setdefault("RUST_LOG", "off")
-    import rerun as rr
-    import rerun.blueprint as rrb
-
-    stream = rr.RecordingStream("khepera-hil paper", recording_id=name)
-    views = [rrb.BarChartView(origin=f"/{place}", name=chart.title) for place, chart in enumerate(charts)]
-    note = rrb.TextDocumentView(origin="/about", name="about")
-    layout = rrb.Blueprint(rrb.Vertical(rrb.Grid(*views, grid_columns=columns), note, row_shares=[5, 1]))
-    stream.save(path, default_blueprint=layout)
-    text = "\n".join([f"# {title}", *(f"- {chart.title}: {chart.axis}" for chart in charts)])
-    stream.log("/about", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
-    for place, chart in enumerate(charts):
-        at = np.array(chart.at if chart.at is not None else range(len(chart.p)), np.float64)
-        stream.log(f"/{place}", rr.BarChart(np.array(chart.p, np.float64), abscissa=at), static=True)
-    stream.flush()
-    stream.disconnect()
-    return [path, picture]
+        title = f"{controller.name}, seed {seed}: {every * PERIOD:g} s from image to image"
+        picture = FromAbove(title, witness.size(), witness.shapes(), poses.now, poses.robot, every)
+        drawing = recording.folder / "above.svg"
+        drawing.write_text(superposed(picture), "utf-8")
+    return Shown([recording.folder / FILE, drawing], [picture])

@@ -9,8 +9,8 @@ Per is the loop's length, Lrl its longest stretch without a turn less these 50 m
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 from math import hypot, pi, radians
 from statistics import median
 
@@ -22,6 +22,8 @@ __all__ = ["Point", "Tour", "measured"]
 _WINDOW = 50.0  # mm between the two headings that are compared
 _BEGINS, _ENDS = radians(28), radians(12)
 _FRESH = 0.25  # share of a new heading in the smoothed one
+_CALM = 6
+"""Ticks before and after a heading over which it is averaged when a whole loop's turns are counted."""
 _SETTLED = 50  # ticks of contact before the tour begins: the first seconds are still the way to the object
 _LOST = 30  # ticks without an object until the tour is given up
 _SHORTEST = 150.0  # mm
@@ -97,7 +99,24 @@ def measured(points: Sequence[Point], start: int = 0) -> tuple[int, int, float, 
     loop = [point for point in points[start:] if point.way < end]
     # By its own counters the robot never quite turns a full circle; the loop's last heading is its first.
     turned = next(point.heading for point in points[start:] if point.way >= end) - points[start].heading
-    return _turns(loop, way, turned)
+    return _turns(_calmed(loop, turned), way, turned)
+
+
+def _calmed(loop: Sequence[Point], turned: float) -> list[Point]:
+    """The closed loop, each heading the mean of those some ticks before and after it: a choppy follower's zigzag is
+    no turn.
+    """
+    count = len(loop)
+    around = [
+        (turned * lap) + point.heading for lap in (-1, 0, 1) for point in loop
+    ]  # of the lap before, of this one, of the next
+    reach = min(_CALM, count)
+    sums = [0.0, *accumulate(around)]
+    wide = 2 * reach + 1
+    return [
+        replace(point, heading=(sums[count + place + reach + 1] - sums[count + place - reach]) / wide)
+        for place, point in enumerate(loop)
+    ]
 
 
 def _closed(points: Sequence[Point], start: int) -> float | None:

@@ -2,8 +2,9 @@
 
 ARENA is an arena's name or the path of a TOML file (``emulator:///home/me/arena.toml``); without one it is the
 scenario's, or ``furnished``. ``scenario`` is a scenario's name or path; ``object`` names a thing that stands on the
-arena's stage from the start; ``compression`` makes the battery so many times faster. ``seed`` is 0 by default,
-``clock`` the wall's, ``baud`` the rate that the port is opened with (give another one, and the line is garbled).
+arena's stage from the start; ``compression`` makes the battery so many times faster. ``seed`` is 0 by default, and
+``individual`` the seed: of the robot's gains and mountings alone, so that one robot can be met at other times;
+``clock`` is the wall's, ``baud`` the rate that the port is opened with (give another one, and the line is garbled).
 ``robot`` is khepera or khepera2 (by default the first that has the rate), ``turrets`` what is plugged on it, such
 as ``gripper,k213`` or ``none``. ``faults`` are injected into the line (see :mod:`khepera_hil.faults`).
 
@@ -49,7 +50,7 @@ __all__ = ["Serial", "Witness"]
 _DRIVER_BUFFER = 4096
 """Characters that the host's driver takes before ``write`` has to wait, as a Linux terminal does."""
 
-_OF_WORLD = ("scenario", "object", "compression", "seed", "robots")
+_OF_WORLD = ("scenario", "object", "compression", "seed", "individual", "robots")
 _KEYS = (*_OF_WORLD, "clock", "baud", "robot", "turrets", "faults", "number", "share")
 _CLOCKS: dict[str, type[WallClock] | type[SimulatedClock]] = {"wall": WallClock, "simulated": SimulatedClock}
 
@@ -343,6 +344,7 @@ class _Asked:
             compression=_factor(given["compression"]) if "compression" in given else None,
             present=given.get("object"),
             robots=self.robots,
+            individual=_whole("individual", given["individual"]) if "individual" in given else None,
         )
 
     def faults(self, world: World) -> Faults | None:

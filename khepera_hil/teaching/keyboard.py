@@ -17,7 +17,7 @@ from khepera_hil.teaching.hand import MOST
 
 __all__ = ["HELP", "Keyboard"]
 
-HELP = "left and right arrows (or a and d) steer, up (or space) goes straight on, q ends"
+HELP = "left, right (or a, d): steer, and go on turning so; up, space: straight on; q: end"
 
 _STEP = 2
 _KEYS = {b"\x1b[D": -_STEP, b"\x1bOD": -_STEP, b"a": -_STEP, b"\x1b[C": _STEP, b"\x1bOC": _STEP, b"d": _STEP}

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from brp import BrpError
 from brp.programs.object import Lrl, Nlt, Nrt, O, Per
 from brp.store import load_data, save_data
 from khepera_hil.errors import RecordingError, UsageError
 
-__all__ = ["read_knowledge", "write_knowledge"]
+__all__ = ["known", "read_knowledge", "write_knowledge"]
 
 _VARIABLES = (O, Nlt, Nrt, Per, Lrl)
+
+
+def known(row: Any) -> bool:
+    """Whether this is one tour: O, Nlt, Nrt, Per and Lrl, each one of its variable's values."""
+    names = {v.name for v in _VARIABLES}
+    return isinstance(row, dict) and set(row) == names and all(row[v.name] in v.values for v in _VARIABLES)
 
 
 def read_knowledge(path: Path) -> tuple[dict[str, int], ...]:

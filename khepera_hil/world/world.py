@@ -45,7 +45,8 @@ class World:
     """Robots in an arena, mostly one, and what a scenario brings there.
 
     ``seed`` chooses the robots' peculiarities, their starts, the furniture and all noise; the first of ``robots``
-    is the same whether or not there are others. ``arena`` and ``scenario`` are such things, or what
+    is the same whether or not there are others. ``individual`` is the seed of their peculiarities alone (None:
+    ``seed``): the same robots at another time. ``arena`` and ``scenario`` are such things, or what
     :func:`~khepera_hil.world.arena.load_arena` and :func:`~khepera_hil.world.scenario.load_scenario` take.
     ``compression`` makes the batteries so many times faster (None: as the scenario says, 1 without one).
     ``present`` names a thing from the arena's shelf that stands on its stage from the start. Raises
@@ -64,6 +65,7 @@ class World:
         compression: float | None = None,
         present: str | None = None,
         robots: int = 1,
+        individual: int | None = None,
     ) -> None:
         if not 1 <= robots <= MOST_ROBOTS:
             raise WorldError(f"an arena takes from 1 to {MOST_ROBOTS} robots, not {robots}")
@@ -72,6 +74,8 @@ class World:
         if self.scenario is not None:
             self.arena = _started(self.arena, self.scenario)
         owners = [streams(seed, number) for number in range(1, robots + 1)]
+        bodily = seed if individual is None else individual
+        peculiarities = [streams(bodily, number)["robot"] for number in range(1, robots + 1)]
         chances = [owner["world"].spawn(6) for owner in owners]
         furniture, textures = chances[0][0], chances[0][5]
         self.layout: Layout = furnish(
@@ -97,7 +101,7 @@ class World:
             Robot(
                 number + 1,
                 starts[number],
-                Peculiar(owners[number]["robot"], *chances[number][1:5]),
+                Peculiar(peculiarities[number], *chances[number][1:5]),
                 textures,
                 arena=self.arena,
                 shapes=shapes,

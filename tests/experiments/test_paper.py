@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun as rr
 
 from khepera_hil.experiments.arenas import OBJECTS, beside, lamp_somewhere, pocket, pushable, written
+from khepera_hil.experiments.figures import table
 from khepera_hil.experiments.registry import EXPERIMENTS
 from khepera_hil.experiments.section8 import PRESENTATIONS, TWINS, _order
 from khepera_hil.teaching.view import BODY, nearest_point
 from khepera_hil.world import World
+from tests.recording.rrd import entities
 from tests.runs.cli import khepera_hil
 
 ASKED = ["push", "avoid", "follow", "phototaxy", "fusion", "home", "table1", "lesson3"]
@@ -31,6 +35,7 @@ def test_figures_are_printed_and_are_one_json_object(tmp_path: Path) -> None:
     names = ["lesson3", "fig5", "fig6", "fig9", "fig10", "lesson6", "fig11"]
     done = khepera_hil("paper", *names, "--json", cwd=tmp_path)
     assert done.code == 0, done.err
+    assert json.loads(done.out) == done.result  # that, and nothing else
     figures = done.result["figures"]
     for figure in figures.values():
         assert set(figure) == {"value", "low", "high", "n", "target", "met"}
@@ -40,15 +45,52 @@ def test_figures_are_printed_and_are_one_json_object(tmp_path: Path) -> None:
     for name in names:
         for path in done.result["experiments"][name]["files"]:
             assert (tmp_path / path).stat().st_size > 500
-    assert (tmp_path / "runs/paper/fig9/fig9.rrd").exists()
+        # A recording with a layout of its own, and every figure in it.
+        recording = tmp_path / f"runs/paper/{name}/{name}.rrd"
+        reader = rr.chunk.RrdReader(str(recording))
+        assert len(reader.recordings()) == len(reader.blueprints()) == 1
+        page = text_of(recording, "/page")
+        for figure in figures:
+            if figure.startswith(f"{name}: "):
+                assert figure.removeprefix(f"{name}: ").replace(" | ", " given ") in page
     assert (tmp_path / "runs/paper/fig9/fig9.svg").read_text().startswith("<svg")
+    bars = entities(tmp_path / "runs/paper/fig9/fig9.rrd")
+    assert {"/charts/0", "/charts/1", "/charts/2/avoidance", "/charts/2/phototaxy", "/charts/3"} <= bars
+    assert any(path.startswith("/above/0/now") for path in entities(tmp_path / "runs/paper/fig11/fig11.rrd"))
+
+
+def test_every_name_of_the_list_has_figures() -> None:
+    """Of a whole campaign's results; here of few, or of none where it is computed."""
+    for name in ASKED:
+        experiment = EXPERIMENTS[name]
+        if not experiment.cases([1]):
+            assert experiment.report([], []).figures, name
+
+
+def test_docs_have_the_computed_figures_as_they_are_printed() -> None:
+    text = (Path(__file__).parents[2] / "docs/paper.md").read_text("utf-8")
+    for experiment in EXPERIMENTS.values():
+        if not experiment.cases([1]):
+            for line in table(experiment.report([], []).figures)[2:]:
+                assert line in text, line
+
+
+def text_of(recording: Path, entity: str) -> str:
+    chunks = rr.chunk.RrdReader(str(recording)).stream().filter(content=entity)
+    return "".join(
+        str(text)
+        for chunk in chunks
+        if "TextDocument:text" in (batch := chunk.to_record_batch()).schema.names
+        for text in batch["TextDocument:text"].to_pylist()
+    )
 
 
 def test_trials_are_run_shown_and_repeat(tmp_path: Path) -> None:
     first = khepera_hil("paper", "phototaxy", "--seeds", "1", "--json", cwd=tmp_path)
     assert first.code == 0, first.err
     files = first.result["experiments"]["phototaxy"]["files"]
-    assert [Path(path).name for path in files] == ["run.rrd", "above.svg"]
+    assert [Path(path).name for path in files] == ["run.rrd", "above.svg", "phototaxy.rrd", "phototaxy.svg"]
+    assert {"/above/0/way", "/above/0/robot", "/page"} <= entities(tmp_path / files[2])
     fresh = khepera_hil("paper", "phototaxy", "--seeds", "1", "--json", "--fresh", "--no-show", cwd=tmp_path)
     assert fresh.result["figures"] == first.result["figures"]
 
