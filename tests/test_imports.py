@@ -279,6 +279,8 @@ BRP = [
     "filter",
     "sampling",
     "mrbt",
+    "derivative",
+    "chain",
     "programs",
     "data",
 ]

@@ -15,13 +15,13 @@ import numpy as np
 from brp import BrpError, Distribution, P, Question, Value
 from brp.programs.base import at_base
 from brp.programs.beacon import locate_beacon
-from brp.programs.behavior import behavior, steadier
+from brp.programs.behavior import behaving, behavior, deciding, steadier
 from brp.programs.object import Lrl, Nlt, Nrt, O, Per, recognised, unacquainted
 from brp.programs.watchman import pi_watchman
 from khepera_hil.controllers.base import USUAL, VTRANS, Decision, Setting, wheels
 from khepera_hil.controllers.watchman_body import AT_REST, Body
 from khepera_hil.controllers.watchman_memory import Drawn
-from khepera_hil.controllers.watchman_mind import FILLED, MOTORS, Mind, Thought, filled
+from khepera_hil.controllers.watchman_mind import FILLED, MOTORS, Mind, Thought, expecting, filled
 from khepera_hil.controllers.watchman_whole import WholeMind
 from khepera_hil.errors import OrderRefused
 from khepera_hil.perception import LightAhead, Need, Obstacle, Odometry, Readings, Tour
@@ -69,7 +69,11 @@ class Watchman:
         self._memory = Drawn()
         self._body = Body()
         self._knowing = unacquainted
-        temporal = behavior if setting.stay == USUAL.stay else steadier(setting.stay)
+        if setting.taught is not None:
+            temporal = deciding(setting.taught)
+        else:
+            temporal = behavior if setting.stay == USUAL.stay else steadier(setting.stay)
+        self._expects = expecting(setting.taught or behaving)
         watching = pi_watchman(locate=locate_beacon, behavior=temporal).identify()
         self._mind = WholeMind() if setting.memory == "whole" else Mind(watching, setting.early)
         self._recognise = self._knowing.ask(P(O | Nlt, Nrt, Per, Lrl))
@@ -103,7 +107,7 @@ class Watchman:
         events: list[tuple[str, str]] = []
         evidence, clipped = self._sensed(readings, events)
         thought = self._think(evidence, rng)
-        self._fill(filled(evidence, thought.answers["Base"]), events)
+        self._fill(filled(evidence, thought.answers["Base"], self._expects), events)
         self._memory.keep(thought.behavior, thought.move)
         if evidence["Tour"] == "done":
             thought.answers["O"] = self._recognised(events)

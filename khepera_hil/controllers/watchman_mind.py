@@ -26,7 +26,7 @@ from brp.programs.move import Move
 from brp.programs.watchman import Sensory_variables, Vrot, Vtrans
 
 __all__ = ["EARLY", "FILLED", "INTERNAL", "LATE", "MOTORS", "REMEMBERED"]
-__all__ += ["Mind", "Thought", "filled"]
+__all__ += ["Mind", "Thought", "expecting", "filled"]
 
 INTERNAL = (Base, Behavior, Move, Theta2, H)
 """The five internal variables of section 10.2, causes before their effects."""
@@ -114,12 +114,20 @@ class Mind:
         self.questions[key or " ".join(v.name for v in of)] = watching.ask(Term(of, (*Sensory_variables, *drawn)))
 
 
-def filled(evidence: Mapping[str, Value], base: Distribution) -> float:
-    """How much of P(Base) lies on rows of pi-behavior that are impossible and were asked without Behavior_t-1."""
+def expecting(description: Description) -> Question:
+    """What a pi-behavior lets one expect after each Behavior_t-1: of probability zero there is an impossible row."""
+    return description.ask(P(Vigil, Energy, Fire, Identify, Base | Behavior_t_1))
+
+
+_EXPECTED = expecting(behaving)
+
+
+def filled(evidence: Mapping[str, Value], base: Distribution, expects: Question = _EXPECTED) -> float:
+    """How much of P(Base) lies on rows of pi-behavior that are impossible and were asked without Behavior_t-1.
+
+    ``expects`` is `expecting` of its tables.
+    """
     told = {v: evidence[v.name] for v in (Vigil, Energy, Fire, Identify)}
-    expected = _EXPECTED(Behavior_t_1=evidence[Behavior_t_1.name])
+    expected = expects(Behavior_t_1=evidence[Behavior_t_1.name])
     return sum(base[at] for at in Base.values if expected[(*told.values(), at)] == 0)
 
-
-# What pi-behavior lets one expect after each Behavior_t-1: what has probability zero there is an impossible row.
-_EXPECTED = behaving.ask(P(Vigil, Energy, Fire, Identify, Base | Behavior_t_1))
