@@ -1,8 +1,8 @@
 """What a variable does in the long run that is drawn again and again, given its own last value: a Markov chain.
 
 A question P(X | X_t-1 ...) whose other known variables stay as they are is a matrix of transitions. Here are the
-chain's long run, how often it changes and how long it dwells, and the derivatives of all three when the transitions'
-derivatives are known (`brp.derivative`). Times are in draws.
+chain's long run, how often it changes and how long it dwells, and the derivatives of all three when those of the
+transitions are known (`brp.derivative`). Times are in draws.
 """
 
 from __future__ import annotations

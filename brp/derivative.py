@@ -3,9 +3,9 @@
 An answer is a ratio of two sums of products of table entries, and in each product a table stands once. So the joint
 probability of what is searched and known is linear in every column of every table, and
 
-    d P(Searched Known) / d e = P(Searched Known with the column certain of the value) - P(Searched Known)    [e = 0]
+    d P(Searched Known) / d e = P(Searched Known, the column being certain of the value) - P(Searched Known)
 
-is exact when e moves the column c towards the value v: from p to (1 - e) p + e (certain v). The description with a
+is exact where e moves the column c towards the value v: from p to (1 - e) p + e (certain v). The description with a
 column that is certain is a description like any other, so the engine answers both sides; nothing is approximated,
 and no step has to be chosen. The answer's own derivative follows by the rule for quotients.
 

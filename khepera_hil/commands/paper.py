@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from khepera_hil.commands.beside import BESIDE, add_beside
 from khepera_hil.commands.parser import Parser, existing_name, number
 from khepera_hil.errors import UsageError
 from khepera_hil.experiments import watchman
@@ -27,6 +28,8 @@ examples:
   khepera-hil paper --list
   khepera-hil paper push avoid --seeds 20
   khepera-hil paper all --seeds 100 --json
+  khepera-hil paper stability --seeds 12 --amount 1
+  khepera-hil paper learnt --data behavior.description.json --seeds 20
 """
 
 
@@ -36,17 +39,21 @@ def main(arguments: Sequence[str]) -> int:
     if asked.list:
         for experiment in EXPERIMENTS.values():
             print(f"  {experiment.name:11} {experiment.about} (section {experiment.section})")
+        print("beside these, and not among all:")
+        for name, (about, _) in BESIDE.items():
+            print(f"  {name:11} {about}")
         return 0
     names = list(EXPERIMENTS) if asked.names == ["all"] else asked.names
     if not names:
         raise UsageError("say which experiment, or all; khepera-hil paper --list has them")
     for name in names:
-        existing_name("experiment", name, list(EXPERIMENTS))
+        existing_name("experiment", name, [*EXPERIMENTS, *BESIDE])
+    beside = {name: BESIDE[name][1](asked) for name in names if name in BESIDE}
     seeds = range(asked.first, asked.first + asked.seeds)
     found: dict[str, Any] = {}
     try:
         for name in names:
-            experiment = EXPERIMENTS[name]
+            experiment = beside[name] if name in beside else EXPERIMENTS[name]
             if name == "watchman" and (asked.hours or asked.nights is not None):
                 experiment = watchman.experiment(asked.hours, asked.nights or 0, asked.record)
             found[name] = _one(experiment, seeds, asked)
@@ -100,6 +107,7 @@ def _parser() -> Parser:
     add("--fresh", action="store_true", help="measure anew what was measured before")
     add("--no-show", action="store_true", help="figures only, no pictures and recordings")
     add("--json", action="store_true", help="the last line on standard output is all figures as one JSON object")
+    add_beside(parser)
     return parser
 
 

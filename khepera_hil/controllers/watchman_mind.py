@@ -115,7 +115,7 @@ class Mind:
 
 
 def expecting(description: Description) -> Question:
-    """What a pi-behavior lets one expect after each Behavior_t-1: of probability zero there is an impossible row."""
+    """What pi-behavior lets one expect after each Behavior_t-1; what has probability zero is an impossible row."""
     return description.ask(P(Vigil, Energy, Fire, Identify, Base | Behavior_t_1))
 
 
@@ -130,4 +130,3 @@ def filled(evidence: Mapping[str, Value], base: Distribution, expects: Question 
     told = {v: evidence[v.name] for v in (Vigil, Energy, Fire, Identify)}
     expected = expects(Behavior_t_1=evidence[Behavior_t_1.name])
     return sum(base[at] for at in Base.values if expected[(*told.values(), at)] == 0)
-

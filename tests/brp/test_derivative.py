@@ -6,14 +6,26 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from brp import Laplace, P, QuestionError, Specification, Table, Term, TooLarge, Uniform, Variable
-from brp import chain, derivative
+from brp import (
+    Laplace,
+    P,
+    QuestionError,
+    Specification,
+    Table,
+    Term,
+    TooLarge,
+    Uniform,
+    Variable,
+    chain,
+    derivative,
+)
 from brp.programs.behavior import TABLES, Behavior, Energy, behaving, behavior
 from tests.brp.joint import Joint, distributions
 
 Array = NDArray[np.float64]
 
-A, B, C, D = Variable("A", range(3)), Variable("B", ("x", "y")), Variable("C", range(4)), Variable("D", (False, True))
+A, B = Variable("A", range(3)), Variable("B", ("x", "y"))
+C, D = Variable("C", range(4)), Variable("D", (False, True))
 
 
 def described(rng: np.random.Generator, zeros: float) -> tuple[Joint, Specification]:
