@@ -12,10 +12,10 @@ from typing import cast
 
 import numpy as np
 
-from brp import BrpError, Distribution, P, Question, Value
+from brp import BrpError, Distribution, P, Question, Uniform, Value
 from brp.programs.base import at_base
 from brp.programs.beacon import locate_beacon
-from brp.programs.behavior import behaving, behavior, deciding, steadier
+from brp.programs.behavior import Behavior, behaving, behavior, deciding, steadier
 from brp.programs.object import Lrl, Nlt, Nrt, O, Per, recognised, unacquainted
 from brp.programs.watchman import pi_watchman
 from khepera_hil.controllers.base import USUAL, VTRANS, Decision, Setting, wheels
@@ -75,7 +75,10 @@ class Watchman:
             temporal = behavior if setting.stay == USUAL.stay else steadier(setting.stay)
         self._expects = expecting(setting.taught or behaving)
         watching = pi_watchman(locate=locate_beacon, behavior=temporal).identify()
-        self._mind = WholeMind() if setting.memory == "whole" else Mind(watching, setting.early)
+        self._labels = setting.labels
+        self._said: dict[str, Value] = {}
+        obeying = pi_watchman(locate=locate_beacon, behavior=Uniform()).identify() if setting.labels else None
+        self._mind = WholeMind() if setting.memory == "whole" else Mind(watching, setting.early, obeying=obeying)
         self._recognise = self._knowing.ask(P(O | Nlt, Nrt, Per, Lrl))
         self._last_tour = dict.fromkeys(_TOUR, 0)
         self._counters: tuple[int, int] | None = None
@@ -88,8 +91,13 @@ class Watchman:
         return {**self._mind.questions, "O": self._recognise}
 
     def order(self, words: str) -> str:
-        """``vigil on``, ``vigil off``, ``vigil`` (the other way), and the same of ``identify``."""
+        """``vigil on``, ``vigil off``, ``vigil`` (the other way), and the same of ``identify``.
+
+        With labels also ``behavior recharge``, which holds until it is another, or ``behavior free``.
+        """
         name, _, how = words.partition(" ")
+        if name == "behavior":
+            return self._labelled(how)
         if name not in ("vigil", "identify") or how not in ("", "on", "off"):
             raise OrderRefused(f"the watchman takes vigil on|off and identify on|off, not {words!r}")
         now = self.vigil if name == "vigil" else self.identify
@@ -102,10 +110,25 @@ class Watchman:
             self._followed = 0
         return f"{name} is {'on' if wanted else 'off'}"
 
+    def _labelled(self, behavior: str) -> str:
+        """The operator says what Behavior is, from now on."""
+        if not self._labels:
+            raise OrderRefused("this watchman decides by itself what Behavior is: start it with --labels")
+        if behavior == "free":
+            self._said = {}
+            return "Behavior is drawn"
+        if behavior not in Behavior.values:
+            raise OrderRefused(
+                f"behavior is one of {', '.join(map(str, Behavior.values))}, or free, not {behavior!r}"
+            )
+        self._said = {Behavior.name: behavior}
+        return f"Behavior is {behavior}, by your word"
+
     def step(self, readings: Readings, rng: np.random.Generator) -> Decision:
         """Sense, ask, draw, act, remember."""
         events: list[tuple[str, str]] = []
         evidence, clipped = self._sensed(readings, events)
+        evidence |= self._said  # known then, as what is sensed
         thought = self._think(evidence, rng)
         self._fill(filled(evidence, thought.answers["Base"], self._expects), events)
         self._memory.keep(thought.behavior, thought.move)
@@ -121,7 +144,7 @@ class Watchman:
     def _think(self, evidence: dict[str, Value], rng: np.random.Generator) -> Thought:
         if isinstance(self._mind, WholeMind):
             return self._mind.think(evidence, rng, arrived=self.fire.arrived)
-        return self._mind.think(evidence, rng)
+        return self._mind.think(evidence, rng, self._said)
 
     def _fill(self, weight: float, events: list[tuple[str, str]]) -> None:
         """An event when impossible rows weigh; at most one a second, with the most that they weighed."""

@@ -10,20 +10,21 @@ from __future__ import annotations
 
 import json
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
+from brp.programs.behavior import Behavior
 from khepera_hil.experiments import stability_exact as exact
 from khepera_hil.experiments.campaign import Case, Result
 from khepera_hil.experiments.experiment import Experiment, Report
 from khepera_hil.experiments.figures import Figure, counted, mean
 from khepera_hil.experiments.stability_design import Design, signs_of
-from khepera_hil.experiments.stability_effects import OUTCOMES, Effect, Nights
+from khepera_hil.experiments.stability_effects import OUTCOMES, RARELY, Effect, Nights
 from khepera_hil.experiments.stability_map import Cell, maps_shown
 from khepera_hil.experiments.stability_tables import ENTRIES, PUBLISHED, Entry, described, movable, perturbed
-from khepera_hil.experiments.tabled_night import met, nightly
+from khepera_hil.experiments.tabled_night import nightly
 
 __all__ = ["experiment", "trial"]
 
@@ -57,123 +58,115 @@ class _Study:
     """Keeps what the report found for the pictures."""
 
     design: Design
+    nights: Nights | None = None
     found: dict[str, dict[Entry, Effect]] = field(default_factory=dict)
-    how: str = ""
-    met: exact.Met = field(default_factory=dict)
-    ticks: int = 0
-    """Of a night."""
 
     def report(self, cases: Sequence[Case], results: Sequence[Result]) -> Report:
-        nights = Nights(cases, results)
+        nights = self.nights = Nights(cases, results)
         self.found = {name: nights.effects(name) for name in OUTCOMES}
-        self.how = "fitted together" if nights.together else "each by itself"
-        sums: Counter[tuple[exact.Situation, str]] = Counter()
-        for one in nights.published:
-            sums.update(met(one))
-        self.met = dict(sums)
-        self.ticks = round(sum(sums.values()) / max(1, len(nights.published)))
         figures = [figure for name in OUTCOMES for figure in _levels(nights, name)]
         figures.append(counted("fires lit in a night", nights.lit))
         figures += [
-            counted(
-                f"{OUTCOMES[name].short}: deviation between nights that differ in the tables",
-                nights.spread(name)[0],
-            )
-            for name in OUTCOMES
+            counted(f"{outcome.short}: deviation between nights that differ in the tables", nights.spread(name))
+            for name, outcome in OUTCOMES.items()
         ]
         able, useful = movable(), exact.matters()
         figures += [
             counted("entries that are neither zero nor certain", len(able)),
             counted("of these, entries that no answer depends on", sum(not useful[e] for e in able)),
+            counted("entries perturbed", len(nights.perturbed)),
+            counted(f"of these, entries by which {RARELY:g} decisions of a night change", len(nights.entries)),
         ]
-        return Report(figures, [*self._exact_lines(), *self._effect_lines()])
+        return Report(figures, [*_dwell_lines(), *self._entry_lines(nights)])
 
-    def _exact_lines(self) -> list[str]:
-        """By the engine alone."""
-        lines = ["dwell times out on patrol with Vigil, in seconds (exact), and the entries that change them most:"]
-        for situation in exact.PATROL:
-            lasts, relative = exact.dwelling(situation)
-            for behavior in (1, 5):  # patrol and recharge
-                name = str(ENTRIES[behavior].value)
-                lines.append(
-                    f"  Energy {situation[1]:10} {name:9} {_seconds(lasts[behavior])}{_most(relative[:, behavior])}"
-                )
-        return lines
-
-    def _effect_lines(self) -> list[str]:
+    def _entry_lines(self, nights: Nights) -> list[str]:
         """A line for each entry: exact, then simulated."""
-        entries = list(self.found["changes"])
-        most, average = exact.most_apart(), exact.mean_apart(self.met)
-        rate, slopes = exact.changing(self.met)
-        times = 1 + self.design.amount
-        head = f"{'entry':44}{'p':>7}{'exact most':>11}{'a night':>9}{'chg/min':>9}  "
+        times, sure = 1 + self.design.amount, _Exact.of(nights, self.design)
+        together = "fitted together" if nights.together else "each by itself"
+        head = f"{'entry':44}{'p':>7}{'most':>8}{'a night':>9}{'chg/min':>9}  "
         lines = [
-            f"effects of odds x {times:g}, {self.how} (95 % intervals; * beside zero, ** also for all "
-            f"{len(entries)} at once);",
-            "exact: the most that P(Behavior | ...) moves, how many decisions of a night come out otherwise, and "
-            f"changes a minute ({rate:.2f} by the chain, in the situations that were met):",
-            head + "".join(f"{OUTCOMES[name].short:>20}" for name in OUTCOMES),
+            f"what odds x {times:g} do. Exact, to the first order: the most that P(Behavior | ...) moves; how many",
+            "decisions of a night come out otherwise; changes of Behavior a minute by the chain (which has "
+            f"{sure.rate:.2f} in the situations that were met).",
+            f"Simulated, {together}, with 95 % intervals: * beside zero, ** for all {len(nights.entries)} at once.",
+            head + "".join(f"{OUTCOMES[name].short:>19}" for name in OUTCOMES),
         ]
-        for entry in entries:
+        for entry in nights.perturbed:
             place = ENTRIES.index(entry)
             p = PUBLISHED[entry.table][entry.row, entry.column]
-            step = math.log(times)
-            otherwise = average[place] * step * self.ticks
-            sure = f"{p:7.4f}{most[place] * step:11.4f}{otherwise:9.3f}{slopes[place] * step:+9.3f}  "
-            told = "".join(f"{_told(self.found[name][entry], OUTCOMES[name].digits):>20}" for name in OUTCOMES)
-            lines.append(f"{entry.table}: {entry!s:41}{sure}{told}")
+            known = f"{sure.most[place]:8.4f}" if p else f"{'opened':>8}"
+            chain = f"{sure.changes[place]:+9.3f}" if p else " " * 9
+            line = f"{entry.table}: {entry!s:41}{p:7.4f}{known}{nights.otherwise[entry]:9.3f}{chain}  "
+            if entry in self.found["changes"]:
+                line += "".join(f"{_told(self.found[name][entry], OUTCOMES[name].digits):>19}" for name in OUTCOMES)
+            lines.append(line.rstrip())
         return lines
 
     def show(self, folder: Path) -> list[Path]:
         """Maps of the tables, and all numbers as JSON."""
-        if not self.found:
+        if self.nights is None:
             return []
         folder.mkdir(parents=True, exist_ok=True)
+        sure = _Exact.of(self.nights, self.design)
         written = folder / "stability.json"
-        written.write_text(json.dumps(self._numbers(), indent=1, allow_nan=False) + "\n", "utf-8")
-        step = math.log(1 + self.design.amount)
-        most, average = exact.most_apart(), exact.mean_apart(self.met)
-        _, slopes = exact.changing(self.met)
+        written.write_text(json.dumps(self._numbers(sure), indent=1, allow_nan=False) + "\n", "utf-8")
         maps = {
-            "exact: the most that P(Behavior | ...) moves": _sure(most * step),
-            "exact: decisions of a night that come out otherwise": _sure(average * step * self.ticks),
-            "exact: changes of Behavior a minute": _sure(slopes * step),
-            **{
-                f"simulated: {outcome.title}": {
-                    entry: Cell(effect.value, effect.seen, effect.clear)
-                    for entry, effect in self.found[name].items()
-                }
-                for name, outcome in OUTCOMES.items()
-            },
+            "exact: the most that P(Behavior | ...) moves": _sure(sure.most),
+            "exact: decisions of a night that change": _sure([self.nights.otherwise[entry] for entry in ENTRIES]),
+            "exact: changes of Behavior a minute": _sure(sure.changes),
         }
+        for name, outcome in OUTCOMES.items():
+            cells = dict(_sure([0.0] * len(ENTRIES)))
+            cells |= {entry: Cell(one.value, one.seen, one.clear) for entry, one in self.found[name].items()}
+            maps[f"simulated: {outcome.title}"] = cells
         title = f"What odds x {1 + self.design.amount:g} of an entry change"
         return [written, *maps_shown(folder, "stability", title, maps)]
 
-    def _numbers(self) -> dict[str, object]:
-        most, average = exact.most_apart(), exact.mean_apart(self.met)
-        _, slopes = exact.changing(self.met)
+    def _numbers(self, sure: _Exact) -> dict[str, object]:
+        assert self.nights is not None
         return {
             "amount": self.design.amount,
             "opened": self.design.opened,
             "by": self.design.by,
-            "exact, per unit of the odds' logarithm": {
-                entry.name: {"most": most[i], "a tick": average[i], "changes a minute": slopes[i]}
-                for i, entry in enumerate(ENTRIES)
+            "exact": {
+                entry.name: {
+                    "most": sure.most[place],
+                    "decisions a night": self.nights.otherwise[entry],
+                    "changes a minute": sure.changes[place],
+                }
+                for place, entry in enumerate(ENTRIES)
             },
             "effects": {
-                name: {
-                    entry.name: {
-                        "value": effect.value,
-                        "low": _finite(effect.low),
-                        "high": _finite(effect.high),
-                        "n": effect.n,
-                        "clear": effect.clear,
-                    }
-                    for entry, effect in effects.items()
-                }
+                name: {entry.name: _row(effect) for entry, effect in effects.items()}
                 for name, effects in self.found.items()
             },
         }
+
+
+class _Exact(NamedTuple):
+    """What the engine says of each entry, by place; of the amount that was asked for."""
+
+    most: Sequence[float]
+    changes: Sequence[float]
+    rate: float
+    """Changes a minute by the chain."""
+
+    @classmethod
+    def of(cls, nights: Nights, design: Design) -> _Exact:
+        step = math.log(1 + design.amount)
+        rate, slopes = exact.changing(nights.met)
+        return cls((exact.most_apart() * step).tolist(), (slopes * step).tolist(), rate)
+
+
+def _dwell_lines() -> list[str]:
+    lines = ["dwell times out on patrol with Vigil (exact), and the entries that change them most:"]
+    for situation in exact.PATROL:
+        lasts, relative = exact.dwelling(situation)
+        for behavior in ("patrol", "recharge"):
+            place = Behavior.place(behavior)
+            said = f"{_seconds(lasts[place])}{_most(relative[:, place])}"
+            lines.append(f"  Energy {situation[1]:10} {behavior:9} {said}")
+    return lines
 
 
 def _levels(nights: Nights, name: str) -> list[Figure]:
@@ -187,6 +180,17 @@ def _levels(nights: Nights, name: str) -> list[Figure]:
     ]
 
 
+def _row(effect: Effect) -> dict[str, object]:
+    """As JSON."""
+    return {
+        "value": effect.value,
+        "low": _finite(effect.low),
+        "high": _finite(effect.high),
+        "n": effect.n,
+        "clear": effect.clear,
+    }
+
+
 def _sure(values: Sequence[float]) -> dict[Entry, Cell]:
     """Of every entry that can be moved; exact."""
     able = set(movable())
@@ -198,7 +202,7 @@ def _sure(values: Sequence[float]) -> dict[Entry, Cell]:
 
 
 def _seconds(lasts: float) -> str:
-    return f"{lasts:9.2f}" if math.isfinite(lasts) else " for ever"
+    return f"{lasts:7.2f} s" if math.isfinite(lasts) else " for ever"
 
 
 def _most(relative: Sequence[float]) -> str:

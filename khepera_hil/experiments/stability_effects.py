@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -13,12 +13,16 @@ from numpy.typing import NDArray
 
 from khepera_hil.experiments.campaign import Case, Result
 from khepera_hil.experiments.stability_design import entries_of, signs_of
-from khepera_hil.experiments.stability_exact import matters
-from khepera_hil.experiments.stability_tables import Entry, movable
+from khepera_hil.experiments.stability_exact import Met, Situation, otherwise
+from khepera_hil.experiments.stability_tables import ENTRIES, Entry, movable
+from khepera_hil.experiments.tabled_night import met
 
-__all__ = ["OUTCOMES", "Effect", "Nights", "Outcome"]
+__all__ = ["OUTCOMES", "RARELY", "Effect", "Nights", "Outcome"]
 
 Array = NDArray[np.float64]
+
+RARELY = 0.05
+"""Decisions of a night: an entry by which fewer come out otherwise leaves 19 nights of 20 as they are."""
 
 _LEVEL = 0.05
 _RANK = 1e-9
@@ -88,10 +92,13 @@ class Nights:
     """Nights with published and perturbed tables, and what is to be learnt from them."""
 
     def __init__(self, cases: Sequence[Case], results: Sequence[Result]) -> None:
+        perturbed = [case for case in cases if case["signs"]]
+        self._step = math.log(1 + float(perturbed[0]["amount"]))
+        self._opened = float(perturbed[0].get("opened", 0.0))
         self._published: dict[int, Result] = {}
         self._perturbed: dict[int, list[Result]] = defaultdict(list)
-        self.entries = entries_of(cases)
-        """Those that are perturbed."""
+        self.perturbed = entries_of(cases)
+        """The entries that are."""
         ran = {(int(case["seed"]), str(case["signs"])): one for case, one in zip(cases, results, strict=True)}
         rows: list[Array] = []
         self._pairs: list[tuple[Result, Result]] = []
@@ -103,9 +110,17 @@ class Nights:
             self._perturbed[seed].append(result)
             if marks.lstrip("0")[0] == "+":
                 signs = signs_of(case)
-                rows.append(np.array([signs.get(entry, 0) for entry in self.entries], np.float64))
+                rows.append(np.array([signs.get(entry, 0) for entry in self.perturbed], np.float64))
                 self._pairs.append((result, ran[seed, marks.translate(_OPPOSITE)]))
-        self._signs = np.array(rows).reshape(len(rows), len(self.entries))
+        signed = np.array(rows).reshape(len(rows), len(self.perturbed))
+        self.met = self._situations()
+        """Ticks of a mean published night in each situation with each Behavior_t-1."""
+        self.otherwise = dict(zip(ENTRIES, otherwise(self.met, self._step, self._opened).tolist(), strict=True))
+        """Decisions of such a night that come out otherwise when an entry is raised, exact to the first order."""
+        told = [place for place, entry in enumerate(self.perturbed) if self.otherwise[entry] >= RARELY]
+        self.entries = tuple(self.perturbed[place] for place in told)
+        """Those whose effects are looked for: the others do not get so far as to change a night's outcome."""
+        self._signs = signed[:, told]
         self._contrasts = self._signs - self._column_means()
         lit = [float(one["score"]["fires_lit"]) for one in results]
         self.lit = float(np.mean(lit)) or 1.0
@@ -144,31 +159,32 @@ class Nights:
             [float(np.mean([value(one, self.lit) for one in self._perturbed[seed]])) for seed in seeds],
         )
 
-    def spread(self, outcome: str) -> tuple[float, float]:
-        """The deviation of an outcome over nights of one seed whose tables differ, and over seeds."""
+    def spread(self, outcome: str) -> float:
+        """The deviation of an outcome between nights of one seed whose tables differ."""
         value = OUTCOMES[outcome].value
         within = [np.var([value(one, self.lit) for one in nights], ddof=1) for nights in self._perturbed.values()]
-        over = [value(one, self.lit) for one in self._published.values()]
-        return math.sqrt(float(np.mean(within))), float(np.std(over, ddof=1)) if len(over) > 1 else math.nan
+        return math.sqrt(float(np.mean(within)))
+
+    def _situations(self) -> Met:
+        sums: Counter[tuple[Situation, str]] = Counter()
+        for one in self._published.values():
+            sums.update(met(one))
+        return {key: ticks / len(self._published) for key, ticks in sums.items()}
 
     def _column_means(self) -> Array:
         """What is to be taken off each sign. All entries of a column by the same factor change nothing, so their
-        effects sum to zero; where a pair perturbs a whole column, the mean of its signs is only noise."""
+        effects sum to zero; where a pair perturbs all that matters of a column, the mean of its signs is noise."""
         means = np.zeros_like(self._signs)
-        whole: dict[tuple[int, int], set[Entry]] = defaultdict(set)
+        columns: dict[tuple[int, int], set[Entry]] = defaultdict(set)
         for entry in movable():
-            whole[entry.table, entry.column].add(entry)
-        for (table, column), wanted in whole.items():
-            places = [
-                i for i, e in enumerate(self.entries) if (e.table, e.column) == (table, column) and e in wanted
-            ]
-            silent = {e for e in wanted if e not in self.entries}
-            # Entries that no answer depends on are never perturbed, and their effect is zero for certain.
-            if len(places) < 2 or any(matters()[entry] for entry in silent):
-                continue
-            here = self._signs[:, places]
-            full = (here != 0).all(axis=1)
-            means[np.ix_(full, places)] = here[full].mean(axis=1, keepdims=True)
+            if self.otherwise[entry] >= RARELY:
+                columns[entry.table, entry.column].add(entry)
+        for wanted in columns.values():
+            if wanted.issubset(self.entries):
+                places = [i for i, e in enumerate(self.entries) if e in wanted]
+                here = self._signs[:, places]
+                full = (here != 0).all(axis=1)
+                means[np.ix_(full, places)] = here[full].mean(axis=1, keepdims=True)
         return means
 
 

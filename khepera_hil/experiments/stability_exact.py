@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brp import Description, P, chain
-from brp.derivative import by_odds
+from brp.derivative import towards
 from brp.programs.behavior import (
     TABLES,
     Base,
@@ -29,7 +29,7 @@ from brp.programs.behavior import (
     behaving,
     deciding,
 )
-from khepera_hil.experiments.stability_tables import ENTRIES, Entry
+from khepera_hil.experiments.stability_tables import ENTRIES, PUBLISHED, Entry
 
 __all__ = [
     "A_MINUTE",
@@ -41,8 +41,9 @@ __all__ = [
     "dwelling",
     "kernels",
     "matters",
-    "mean_apart",
     "most_apart",
+    "openings",
+    "otherwise",
     "slopes",
 ]
 
@@ -87,11 +88,24 @@ def kernels(description: Description = behaving) -> Array:
 def slopes() -> Array:
     """The kernels' derivatives by each entry's odds: shape (108, 64, 6, 6). Rows that are impossible under the
     published tables are those of the question without Behavior_t-1, which is what the robot asks there."""
+    p = np.array([PUBLISHED[entry.table][entry.row, entry.column] for entry in ENTRIES])
+    return p[:, None, None, None] * _towards()
+
+
+@cache
+def openings() -> Array:
+    """The same by the probability that each zero is opened to; nothing for what is no zero. A row that is
+    impossible becomes possible all at once, which no derivative tells."""
+    zero = np.array([PUBLISHED[entry.table][entry.row, entry.column] == 0 for entry in ENTRIES])
+    return zero[:, None, None, None] * _towards()
+
+
+@cache
+def _towards() -> Array:
     made = []
     for table in TABLES.values():
-        known = by_odds(behaving, _WITH, table)
-        fallback = by_odds(behaving, _WITHOUT, table)[..., None]
-        both = np.where(np.isnan(known), fallback, known)
+        known = towards(behaving, _WITH, table)
+        both = np.where(np.isnan(known), towards(behaving, _WITHOUT, table)[..., None], known)
         # Axes: row, column, Behavior, Vigil, Energy, Base, Fire, Identify, Behavior_t-1.
         size = both.shape[0] * both.shape[1]
         columns_first = np.moveaxis(both, 1, 0).reshape(size, len(Behavior), len(SITUATIONS), len(Behavior))
@@ -107,26 +121,23 @@ def most_apart() -> Array:
     return apart
 
 
-def mean_apart(met: Met | None = None) -> Array:
-    """The mean of the same, shape (108): over the ticks that were ``met``; None: over all situations alike, in each
-    over the Behavior_t-1 of the chain's long run there.
+def otherwise(met: Met, step: float, opened: float = 0.0) -> Array:
+    """How many of the decisions that were ``met`` come out otherwise, for each entry, shape (108).
 
-    Times the ticks of a night it is how many of its decisions come out otherwise, and no outcome of a night can
-    differ where none does.
+    To the first order, when the logarithm of its odds is ``step`` more, or when it is a zero that is ``opened`` to
+    this probability.
+    Two watchmen that draw with the same numbers differ in so many draws. Where none differs no outcome can.
     """
-    apart = np.abs(slopes()).sum(axis=3) / 2
-    if met is None:
-        share = np.array([_UNIFORM @ chain.limit(kernel) for kernel in kernels()]) / len(SITUATIONS)
-    else:
-        share = _shares(met)
-    mean: Array = np.einsum("esb,sb->e", apart, share)
-    return mean
+    moved = np.abs(step * slopes() + opened * openings()).sum(axis=3) / 2
+    found: Array = np.einsum("esb,sb->e", moved, _ticks(met))
+    return found
 
 
 def changing(met: Met) -> tuple[float, Array]:
     """Changes of Behavior a minute in the long run of each situation, averaged over the ticks that were ``met``,
     and the derivative by each entry's odds, shape (108)."""
-    share = _shares(met).sum(axis=1)
+    share = _ticks(met).sum(axis=1)
+    share /= share.sum() or 1
     found, all_slopes = kernels(), slopes()
     rate = sum(w * chain.changes(kernel, _UNIFORM) for w, kernel in zip(share, found, strict=True) if w)
     derived = np.zeros(len(ENTRIES))
@@ -151,12 +162,12 @@ def matters() -> dict[Entry, bool]:
     return dict(zip(ENTRIES, (most_apart() > 0).tolist(), strict=True))
 
 
-def _shares(met: Met) -> Array:
-    """Of all ticks, shape (64, 6)."""
-    share = np.zeros((len(SITUATIONS), len(Behavior)))
-    for (situation, last), ticks in met.items():
-        share[SITUATIONS.index(situation), Behavior.place(last)] += ticks
-    return share / (share.sum() or 1)
+def _ticks(met: Met) -> Array:
+    """Shape (64, 6)."""
+    ticks = np.zeros((len(SITUATIONS), len(Behavior)))
+    for (situation, last), often in met.items():
+        ticks[SITUATIONS.index(situation), Behavior.place(last)] += often
+    return ticks
 
 
 _UNIFORM = np.full(len(Behavior), 1 / len(Behavior))

@@ -10,13 +10,15 @@ from typing import Any
 
 from brp import BrpError, Description, Specification, Variable
 from brp.data import names, shipped_file
+from brp.programs.base import Base, at_base
+from brp.programs.behavior import Behavior
 from brp.store import load, load_data, save_data
 from khepera_hil.errors import RecordingError, UsageError
 from khepera_hil.reading import read_manifest, read_ticks
 from khepera_hil.recording import LOG
 from khepera_hil.teaching.lesson import Tick
 
-__all__ = ["TICK", "DataSet", "data_set", "joined", "learnt", "taught"]
+__all__ = ["TICK", "DataSet", "data_set", "joined", "learnt", "said", "taught"]
 
 _CUT = re.compile(r"(?P<source>.+)@(?P<first>\d+(\.\d+)?)?-(?P<last>\d+(\.\d+)?)?")
 TICK = 0.1
@@ -47,12 +49,14 @@ def learnt(specification: Specification) -> list[Variable]:
     return [variable for variable in specification.variables if variable in needed]
 
 
-def data_set(source: str, variables: Sequence[Variable]) -> DataSet:
+def data_set(source: str, variables: Sequence[Variable], *, labelled: bool = False) -> DataSet:
     """The data of these variables in ``source``.
 
     That is the name of a data set that comes with brp (``delta-push``), a data set's file, or the folder of a
-    recorded run: each of its ticks in which all of the variables were sensed or drawn is a datum. Behind it
-    ``@5-20`` takes the seconds 5 to 20 only, ``@5-`` all from 5 on. Raises UsageError.
+    recorded run: each of its ticks in which all of the variables were sensed or drawn is a datum (of Base, which
+    the watchman sums out, what its readings make more probable). Behind it ``@5-20`` takes the seconds 5 to 20
+    only, ``@5-`` all from 5 on. With ``labelled`` a run's ticks count only if an operator said what Behavior is.
+    Raises UsageError.
     """
     cut = None if Path(source).exists() else _CUT.fullmatch(source)
     if cut is None or cut["first"] is cut["last"] is None:
@@ -65,7 +69,9 @@ def data_set(source: str, variables: Sequence[Variable]) -> DataSet:
         )
     path = Path(whole)
     if path.is_dir():
-        name, columns, times = _of_run(path, variables)
+        name, columns, times = _of_run(path, variables, labelled)
+    elif labelled:
+        raise UsageError(f"{whole} is a data set, which does not tell what was labelled; leave --labelled out")
     else:
         name, columns, times = _of_file(whole, variables, timed=first is not None or last is not None)
     if first is None and last is None:
@@ -125,15 +131,21 @@ def _of_file(source: str, variables: Sequence[Variable], *, timed: bool) -> tupl
     return name, columns, [tick * TICK for tick in ticks]
 
 
-def _of_run(folder: Path, variables: Sequence[Variable]) -> tuple[str, dict[str, Any], list[float]]:
+def _of_run(folder: Path, variables: Sequence[Variable], labelled: bool) -> tuple[str, dict[str, Any], list[float]]:
     if not (folder / LOG).exists():
         raise UsageError(f"{folder} is no recorded run: there is no {LOG} in it")
     manifest = read_manifest(folder)
     columns: dict[str, list[Any]] = {v.name: [] for v in variables}
     times: list[float] = []
+    kept = 0
     for row in read_ticks(folder):
         values = {**_object(row.get("evidence")), **_object(row.get("draws"))}
+        if Base in variables and Base.name not in values:
+            values |= _based(values)
         if not all(v.name in values for v in variables):
+            continue
+        kept += 1
+        if labelled and not said(row):
             continue
         for v in variables:
             try:
@@ -142,10 +154,28 @@ def _of_run(folder: Path, variables: Sequence[Variable]) -> tuple[str, dict[str,
                 raise UsageError(f"{folder}, tick {row['tick']}: {error}") from None
             columns[v.name].append(values[v.name])
         times.append(float(row.get("t", 0.0)))
+    if not times and kept:
+        raise UsageError(
+            f"no tick of {folder} was labelled: run the watchman with --labels, and say by the keys 1 to 6 what "
+            "Behavior it is"
+        )
     if not times:
         wanted = ", ".join(v.name for v in variables)
         raise UsageError(f"no tick of {folder} has all of {wanted}: it is a run of another kind of program")
     return f"run {manifest.get('run', folder.name)}", dict(columns), times
+
+
+def said(row: Mapping[str, Any]) -> bool:
+    """Whether the Behavior of a log's row is an operator's word: then it was known, and not drawn."""
+    return Behavior.name in _object(row.get("evidence"))
+
+
+def _based(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Base as the sixteen readings have it; nothing where they are not there, or are none."""
+    try:
+        return {Base.name: at_base(**{v.keyword: values[v.name] for v in at_base.known}).best()}
+    except (BrpError, KeyError, TypeError):
+        return {}
 
 
 def _object(found: Any) -> dict[str, Any]:
