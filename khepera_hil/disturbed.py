@@ -41,6 +41,7 @@ class Disturbed(Emulator):
     def advance(self, now: float) -> None:
         """Let everything happen that happens until ``now``, and the world's own troubles of the line begin."""
         super().advance(now)
+        self.world.advance(now)  # whose troubles begin on time
         for event in self.world.due(LinkFault):
             self.faults.trouble(_KINDS[event.fault], event.share, event.at, event.at + event.lasts)
 

@@ -77,6 +77,10 @@ class Emulator:
         self._lines = RequestLines()
         self._waiting: deque[tuple[float, bytes]] = deque()
         self._reset_at = self._next_reset()
+        self.keeps_up = True
+        """Whether the world keeps up with the line. In simulated time it need not: it stands where the robot last
+        did something until somebody looks (who does moves it on first), and goes in fewer and longer strides, of
+        which less is remembered."""
         self._now = -1.0
         """Until when everything has happened; earlier than any time when there is something new."""
         self._to_host.send(self.model.boot, 0.0)
@@ -118,7 +122,8 @@ class Emulator:
         self._now = now
         if self._waiting or self._to_robot.pending or self._next_alarm() <= now:
             self._happen(now)
-        self.world.advance(now)
+        if self.keeps_up:
+            self.world.advance(now)
         if self._to_host.pending:
             self._fifo.put(self._to_host.certain(now, before=self._reset_at), self.host_baud)
 

@@ -139,6 +139,7 @@ class Serial(SerialBase):
         clock = make_clock()
         if isinstance(clock, SimulatedClock):
             clock.on_advance = self._emulator.advance
+            self._emulator.keeps_up = False
         self.clock = clock
         self.is_open = True
         self.witness = Witness(world, self._catch_up, self.faults)
@@ -241,6 +242,7 @@ class Serial(SerialBase):
         now = self.clock.now()
         if (self.is_open or self.unplugged) and self._emulator is not None:
             self._emulator.advance(now)
+            self._emulator.world.advance(now)
         return now
 
     def _checked_baudrate(self) -> int:

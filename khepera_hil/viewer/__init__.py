@@ -28,7 +28,7 @@ FILE = "run.rrd"
 ROWS_WALL = 10
 """Ticks held back with the wall clock: a killed process loses the last second of the file (never of the log)."""
 
-ROWS_FAST = 50
+ROWS_FAST = 200
 """Ticks held back with the simulated clock, where a killed run is simply run again; a smaller, cheaper file."""
 
 PIECE = 1200.0

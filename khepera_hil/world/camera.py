@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,7 @@ _DEFOCUSED = np.ones(7) / 7
 _TURNING = np.array([4.0, 3, 2, 1, 2, 3, 4]) / 19
 _DRIVING = np.array([1.0, 1, 1, 4, 1, 1, 1]) / 10
 _STANDING = np.array([0.0, 0, 1, 2, 1, 0, 0]) / 4
+_ROUNDING = 1e-6  # radians
 _TURNS, _DRIVES = 0.1, 3.0  # rad/s and mm/s from which on it counts as that
 
 
@@ -76,6 +77,8 @@ class Camera:
         step: float,
     ) -> None:
         self._stage = Stage(Scene(shapes, CAMERA_HEIGHT, math.inf), movables)
+        self._numbers = {place: number for number, place in enumerate(movables)}
+        self._extents = {place: (shapes[place].height, shapes[place].reach) for place in movables}
         self._skin = _Skin(shapes, textures)
         self._reach = reach
         self._noise = FrameNoise(seed, PIXELS)
@@ -128,20 +131,41 @@ class Camera:
         self._seen(frame)
         return round(175 + 7 * (255 - frame.brightest) + 50 * float(uniform[0]))
 
-    def sees(self, moment: Moment) -> set[int]:
-        """Places of the shapes that are in at least one of the 64 cells."""
+    def sees(self, moment: Moment, among: Collection[int]) -> set[int]:
+        """Which of the shapes at these places are in at least one of the 64 cells."""
+        if not any(self._may_see(place, moment) for place in among):
+            return set()
         hits = self._stage.at(moment.places).reflections(self._rays, [moment.pose], self._reach)
         if hits is None:
             return set()
         whose, _ = Scene.surface(hits)
-        return set(whose[hits.distance <= self._reach].tolist())
+        return set(whose[hits.distance <= self._reach].tolist()).intersection(among)
+
+    def _may_see(self, place: int, moment: Moment) -> bool:
+        """Whether a movable shape is so high, and lies in such a direction, that it may be in a cell.
+
+        A mover is mostly elsewhere, and then no ray is cast.
+        """
+        high, wide = self._extents[place]
+        pose = moment.places[self._numbers[place]]
+        if pose is None or high <= CAMERA_HEIGHT:
+            return False
+        x, y, theta = moment.pose
+        to_x = pose[0] - x - CAMERA_AHEAD * math.cos(theta)
+        to_y = pose[1] - y - CAMERA_AHEAD * math.sin(theta)
+        way = math.hypot(to_x, to_y)
+        if way <= wide:
+            return True
+        off = math.remainder(math.atan2(to_y, to_x) - theta, 2 * math.pi)
+        return abs(off) <= FIELD / 2 + math.asin(wide / way) + _ROUNDING
 
     def _gain(self) -> float:
         """The exposure: goes a fifth of the way at each frame to what would make the brightest cell 245."""
         gain = weight = 0.0
         keep = 1.0
         for frame in reversed(self._frames):
-            self._seen(frame)
+            if frame.seen is None:
+                self._seen(frame)
             gain += keep * _BRIGHTEST / frame.brightest
             weight += keep
             keep *= 1 - _ADAPTS

@@ -119,7 +119,7 @@ class Cast:
         """Where things lie that are not on the floor, by name: in a row beyond the west wall, flames too."""
         shelf: dict[str, Pose] = {}
         along = 0.0
-        wide = {self.shapes[place].name: _reach(self.shapes[place]) for place in self.movables}
+        wide = {self.shapes[place].name: self.shapes[place].reach for place in self.movables}
         wide |= dict.fromkeys(self.flames, 10.0)
         for name, reach in wide.items():
             shelf[name] = (-_SHELF - reach, along + reach, 0.0)
@@ -247,7 +247,7 @@ class Director:
         return True
 
     def _walk(self, name: str, number: int) -> None:
-        place = self._physics.movables()[number]
+        place = self._physics.place(number)
         velocity = None if place is None else self._walks[number].velocity(place[:2], self._step)
         if velocity is None:
             self._remove(name)
@@ -256,7 +256,7 @@ class Director:
 
     def _remove(self, name: str) -> None:
         number = self._cast.numbers[name]
-        place = self._physics.movables()[number]
+        place = self._physics.place(number)
         if place is not None:
             self._physics.take(number)
             self._score.taken(name, place[:2])
@@ -265,10 +265,6 @@ class Director:
 
 def _name(event: PutDown | Mover) -> str:
     return event.shape.name if isinstance(event, Mover) else event.name
-
-
-def _reach(shape: Shape) -> float:
-    return max((math.hypot(*corner) for corner in shape.corners), default=shape.radius)
 
 
 def _wrong(event: Event, key: str, what: str) -> WorldError:

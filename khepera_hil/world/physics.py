@@ -142,9 +142,9 @@ class Physics:
 
     def steer(self, number: int, velocity: tuple[float, float]) -> None:
         """What a mover wants from now on, mm/s; whether it gets there is another matter."""
-        drive = self._bodies[number].drive
-        if drive is not None and drive.velocity != velocity:
-            drive.velocity = velocity
+        thing = self._bodies[number]
+        if thing.drive is not None and thing.wants != velocity:
+            thing.drive.velocity = thing.wants = velocity
 
     def _hold(self, one: pymunk.Body, other: pymunk.Body, force: float, torque: float) -> list[pymunk.Constraint]:
         """Ties between two bodies' velocities (not their places) with limited force: top-down friction."""
@@ -238,6 +238,13 @@ class Physics:
                 self._places = places
         return self._places
 
+    def place(self, number: int) -> Pose | None:
+        """Where one of them is: quicker than :meth:`movables` while something moves."""
+        if self._still:
+            return self._places[number]
+        thing = self._present.get(number)
+        return None if thing is None else (*thing.body.position, thing.body.angle)
+
     def _looked(self) -> list[Pose | None]:
         return [
             (*thing.body.position, thing.body.angle) if number in self._present else None
@@ -267,5 +274,7 @@ class _Body:
         self.shape = shape
         self.body: pymunk.Body
         self.drive: pymunk.Body | None = None
+        self.wants = (0.0, 0.0)
+        """The drive's velocity."""
         self.solids: list[pymunk.Shape]
         self.joints: list[pymunk.Constraint]

@@ -6,7 +6,9 @@ would have been computed at once, and nobody's reading changes anybody's noise.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,8 @@ Array = NDArray[np.float64]
 
 _PROXIMITY_NOISE = 25.0  # counts, additive: third differences along the measured tables
 _BACKGROUND = 10.0  # counts up to which a sensor that sees nothing answers: half zeros, else up to 12
+_REACHED = 200.0  # mm from the robot's middle that no proximity sensor reaches: 28 + 130, and 20 ms on the way
+_BESIDE = 60.0  # mm beside the line to a lamp that no sensor's own line to it has: 28, and 20 ms on the way
 _LIGHT_NOISE = 4.4  # counts, from the measured table
 
 
@@ -58,6 +62,7 @@ class Scanner:
     ) -> None:
         self._sensors = sensors
         self._stage = Stage(Scene(shapes, SENSOR_HEIGHT), movables)
+        self._extents = [shapes[place].reach for place in movables]
         self._proximity_noise = FrameNoise(proximity)
         self._light_noise = FrameNoise(light)
         self._read_proximity: tuple[int, list[int]] = (-1, [])
@@ -98,14 +103,14 @@ class Scanner:
         """Sensors that see more than nothing, and what: counts, without noise."""
         clean = np.zeros(SENSORS)
         anything = False
-        for rows, places, poses in _together(moments):
+        now = moments[scan % SENSORS]
+        for rows, places, poses in _together(moments, partial(self._is_far, now.pose)):
             seen = self._sensors.proximity(self._stage.at(places), poses)
             if seen is not None:
                 anything = True
                 clean[rows] = seen[rows]
         if not anything:
             return
-        now = moments[scan % SENSORS]
         shining = [(light.lamp, 2 * light.lamp.intensity) for light in now.lights]  # a flicker's most
         if self._sensors.may_be_blinded(now.pose, shining):
             clean = clean * self._sensors.blinded(self._light(scan, history))
@@ -119,12 +124,34 @@ class Scanner:
             moments = history.scanned(scan)
             lights = _shining(moments)
             clean = [0.0] * SENSORS
-            for rows, places, poses in _together(moments):
+            aside = partial(self._is_aside, moments[scan % SENSORS].pose, [lamp for lamp, _ in lights])
+            for rows, places, poses in _together(moments, aside):
                 found = self._sensors.light(self._stage.at(places), poses, lights)
                 for sensor in rows:
                     clean[sensor] = found[sensor]
             self._clean = (scan, clean)
         return self._clean[1]
+
+    def _is_far(self, robot: Pose, number: int, place: Pose | None) -> bool:
+        """Whether no proximity sensor reaches a movable shape that stands at ``place``."""
+        if place is None:
+            return True
+        return math.hypot(place[0] - robot[0], place[1] - robot[1]) > self._extents[number] + _REACHED
+
+    def _is_aside(self, robot: Pose, lamps: Sequence[Lamp], number: int, place: Pose | None) -> bool:
+        """Whether a movable shape that stands at ``place`` is in the light of no lamp for any sensor."""
+        if place is None:
+            return True
+        wide = self._extents[number] + _BESIDE
+        x, y, _ = robot
+        away_x, away_y = place[0] - x, place[1] - y
+        for lamp in lamps:
+            way_x, way_y = lamp.x - x, lamp.y - y
+            along = (away_x * way_x + away_y * way_y) / max(way_x * way_x + way_y * way_y, 1e-9)
+            along = min(max(along, 0.0), 1.0)
+            if math.hypot(away_x - along * way_x, away_y - along * way_y) <= wide + lamp.radius:
+                return False
+        return True
 
     def _with_broken(self, sense: str, values: list[int]) -> list[int]:
         if not self._broken:
@@ -135,20 +162,33 @@ class Scanner:
 _ALL = list(range(SENSORS))
 
 
-def _together(moments: list[Moment]) -> Iterator[tuple[list[int], list[Pose | None], list[Pose]]]:
-    """Sensors that were scanned while the movable shapes stood alike: which, the places, and the robot's poses."""
+def _together(
+    moments: list[Moment], aside: Callable[[int, Pose | None], bool]
+) -> Iterator[tuple[list[int], list[Pose | None], list[Pose]]]:
+    """Sensors that were scanned while the movable shapes stood alike: which, the places, and the robot's poses.
+
+    What is ``aside`` both times (told its number and its place) may stand anywhere: nobody sees the difference. So
+    a mover at the other end of the floor does not have the eight sensors computed up to five times.
+    """
+
+    def alike(places: list[Pose | None]) -> bool:
+        return all(
+            a == b or (aside(number, a) and aside(number, b))
+            for number, (a, b) in enumerate(zip(places, first, strict=True))
+        )
+
     poses = [moment.pose for moment in moments]
     first = moments[0].places
-    if all(moment.places is first for moment in moments) or all(moment.places == first for moment in moments):
+    if all(moment.places is first for moment in moments) or all(alike(moment.places) for moment in moments):
         still = poses.count(poses[0]) == SENSORS
         yield _ALL, first, poses[:1] if still else poses
         return
     left = _ALL
     while left:
-        places = moments[left[0]].places
-        rows = [sensor for sensor in left if moments[sensor].places == places]
+        first = moments[left[0]].places
+        rows = [sensor for sensor in left if alike(moments[sensor].places)]
         left = [sensor for sensor in left if sensor not in rows]
-        yield rows, places, poses
+        yield rows, first, poses
 
 
 def _shining(moments: list[Moment]) -> list[tuple[Lamp, list[float]]]:

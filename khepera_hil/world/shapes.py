@@ -81,6 +81,11 @@ class Shape:
         return sum(math.hypot(to_x - x, to_y - y) for (x, y), (to_x, to_y) in zip(self.corners, ends, strict=True))
 
     @property
+    def reach(self) -> float:
+        """From its own middle to the farthest point of its outline, mm."""
+        return max((math.hypot(*corner) for corner in self.corners), default=self.radius)
+
+    @property
     def longest_line(self) -> float:
         """The longest straight side of its outline, mm; 0 for a disc."""
         ends = self.corners[1:] + self.corners[:1]

@@ -177,10 +177,14 @@ class World:
         self.battery.step(_STEPS_A_RECKONING * STEP, rolled, self._score.inside)
 
     def _look(self, moment: Moment, now: float) -> None:
-        seen = {self._cast.shapes[place].name for place in self._camera.sees(moment)}
-        for name in self._director.walking:
-            if name in seen:
-                self._score.saw(name, now, _STEPS_A_LOOK * STEP)
+        for name in self._in_view(moment):
+            self._score.saw(name, now, _STEPS_A_LOOK * STEP)
+
+    def _in_view(self, moment: Moment) -> list[str]:
+        """The movers that the camera sees, in the order in which they came."""
+        places = {self._cast.movables[number]: name for name, number in self._director.walking.items()}
+        seen = self._camera.sees(moment, places)
+        return [name for place, name in places.items() if place in seen]
 
     @property
     def motion(self) -> Motion:
@@ -229,10 +233,7 @@ class World:
 
     def in_view(self) -> set[str]:
         """The movers that are in the camera's view now and walking (see :meth:`Score.figures`, movers_seen)."""
-        walking = self._director.walking
-        if not walking:
-            return set()
-        return {self._cast.shapes[place].name for place in self._camera.sees(self._now)} & set(walking)
+        return set(self._in_view(self._now))
 
     def due(self, *kinds: type[E]) -> list[E]:
         """Events of the scenario that concern others, each once when its moment has come: orders, link faults,
