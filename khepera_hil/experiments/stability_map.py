@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from brp.programs.behavior import TABLES
 from khepera_hil.experiments.stability_tables import ENTRIES, PUBLISHED, Entry
 
-__all__ = ["Cell", "maps_shown", "svg"]
+__all__ = ["Cell", "Map", "maps_shown", "svg"]
 
 
 class Cell(NamedTuple):

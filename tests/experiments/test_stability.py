@@ -225,7 +225,8 @@ def test_the_report_its_maps_and_its_numbers(tmp_path: Path) -> None:
     assert len(lines) == 1
     assert "**" in lines[0]
     assert len([line for line in report.lines if line[1:3] == ": "]) == len(design.entries())
-    written, svg, rrd = study.show(tmp_path)
+    page, written, svg, rrd = study.show(tmp_path)
+    assert "| P(recharge given patrol) | 0.02 |" in page.read_text()
     numbers = json.loads(written.read_text())
     effect = numbers["effects"]["changes"]["2:patrol:recharge"]
     assert effect["low"] < 3 < effect["high"]
@@ -259,7 +260,7 @@ def test_the_command_runs_and_goes_on(
         said.append(json.loads(capsys.readouterr().out.splitlines()[-1]))
     assert said[0] == said[1]
     names = [Path(path).name for path in said[0]["experiments"]["stability"]["files"]]
-    assert names == ["stability.json", "stability.svg", "stability.rrd"]
+    assert names == ["stability.md", "stability.json", "stability.svg", "stability.rrd"]
 
 
 def test_a_learnt_watchman_beside_the_published_one_over_the_same_nights(

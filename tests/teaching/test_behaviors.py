@@ -114,7 +114,19 @@ def test_the_command_learns_shows_and_saves_and_the_watchman_goes_by_it(run: Pat
     question, other = deciding(learnt_tables), deciding(direct)
     for last in Behavior.values:
         np.testing.assert_array_equal(question(**told, Behavior_t_1=last).p, other(**told, Behavior_t_1=last).p)
-    words = ["--program", "watchman", "--data", "b.json", "--fast", "--seed", "4", "--duration", "3", "--json"]
+    words = [
+        "--program",
+        "watchman",
+        "--data",
+        "b.json",
+        "--labels",
+        "--fast",
+        "--seed",
+        "4",
+        "--duration",
+        "3",
+        "--json",
+    ]
     ran = khepera_hil(*words, cwd=tmp_path)
     assert ran.code == 0, ran.err
     again = khepera_hil("replay", ran.result["run"], "--json", cwd=tmp_path)
