@@ -134,7 +134,7 @@ def maps_shown(folder: Path, name: str, title: str, maps: Mapping[str, Map]) -> 
     ]
     exact = [view for view, one in zip(views, maps, strict=True) if one.startswith("exact")]
     others = [view for view, one in zip(views, maps, strict=True) if not one.startswith("exact")]
-    tabs = [rrb.Horizontal(*exact, name="Exact")] if exact else []
+    tabs: list[rrb.Container] = [rrb.Horizontal(*exact, name="Exact")] if exact else []
     tabs += [rrb.Grid(*others, grid_columns=3, name="Simulated")] if others else []
     layout = rrb.Blueprint(
         rrb.Tabs(*tabs),

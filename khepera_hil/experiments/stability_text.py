@@ -74,7 +74,7 @@ def dwell_lines() -> list[str]:
                     where = "in the base" if base else "out"
                     how_long = f"{lasts[place]:7.2f} s" if math.isfinite(lasts[place]) else " for ever"
                     lines.append(
-                        f"  {where:11} Energy {level:10} {behavior:9}{how_long}{_most(relative[:, place])}"
+                        f"  {where:11} Energy {level:10} {behavior:9}{how_long}{_most(relative[:, place].tolist())}"
                     )
     return lines
 

@@ -60,7 +60,7 @@ def test_derivatives_are_those_of_the_joint_written_out(seed: int, question: Ter
 def moved(p: Array, at: tuple[int, ...], e: float) -> Array:
     """The column of an entry, a share e nearer to certainty of it."""
     q = p.copy()
-    column = (slice(None), *at[1:])
+    column: tuple[slice | int, ...] = (slice(None), *at[1:])
     q[column] *= 1 - e
     q[at] += e
     return q
@@ -69,7 +69,7 @@ def moved(p: Array, at: tuple[int, ...], e: float) -> Array:
 def raised(p: Array, at: tuple[int, ...], s: float) -> Array:
     """The odds of an entry times exp(s)."""
     q = p.copy()
-    column = (slice(None), *at[1:])
+    column: tuple[slice | int, ...] = (slice(None), *at[1:])
     q[at] *= np.exp(s)
     q[column] /= q[column].sum()
     return q

@@ -81,7 +81,7 @@ def test_what_is_learnt_are_the_counts_by_laplaces_rule(rows: list[dict[str, Any
     for i, now in enumerate(Behavior.values):
         for j, before in enumerate(Behavior.values):
             assert p[i, j] == pytest.approx((met[now, before] + 1) / (by[before] + 6))
-    based = Counter()
+    based: Counter[Any] = Counter()
     for row in rows:
         based[at_base(**{v.keyword: row["evidence"][v.name] for v in at_base.known}).best()] += 1
     assert Counter(data.columns["Base"]) == based
