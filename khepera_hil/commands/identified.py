@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,27 +11,16 @@ from brp import Term
 from brp.counts import Counted
 from brp.derivative import numbers
 from brp.programs.behavior import TABLES, Behavior, behaving
-from khepera_hil.errors import UsageError
+from khepera_hil.teaching.behaviors import enough
 
-__all__ = ["FEWEST", "counted", "remarks", "shown"]
-
-FEWEST = 100
-"""Data that there must be: ten seconds of a run."""
+__all__ = ["counted", "remarks", "shown"]
 
 _NUMBERS = {term: number for number, term in TABLES.items()}
 
 
 def remarks(columns: Mapping[str, Sequence[Any]]) -> list[str]:
     """How often each behavior was met. Raises UsageError for data of which nothing can be learnt."""
-    met = Counter(columns[Behavior.name])
-    total = sum(met.values())
-    if total < FEWEST:
-        raise UsageError(
-            f"{total} data are too few to learn behaviors from: at least {FEWEST} are needed, more is better"
-        )
-    if len(met) < 2:
-        only = next(iter(met))
-        raise UsageError(f"all {total} data are of one behavior, {only}: there is nothing to decide between")
+    met = enough(columns)
     lines = ["ticks of each behavior: " + ", ".join(f"{value} {met[value]}" for value in Behavior.values)]
     unmet = [str(value) for value in Behavior.values if not met[value]]
     if unmet:

@@ -41,7 +41,7 @@ examples:
   khepera-hil identify obstacle --data one.json two.json@0-15 --join both.json --out push.description.json
   khepera-hil --program push --data push.description.json
   khepera-hil --program watchman --labels        on the emulator or a robot; say by the keys 1 to 6 what it is to do
-  khepera-hil identify behavior --data runs/last --labelled --out behavior.description.json
+  khepera-hil identify behavior --data RUN RUN --labelled --out behavior.description.json
   khepera-hil --program watchman --data behavior.description.json
 
 behavior: tables 2 to 7 of the paper, by Laplace's rule, so that nothing is impossible by accident; from runs of a

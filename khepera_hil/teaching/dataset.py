@@ -10,15 +10,15 @@ from typing import Any
 
 from brp import BrpError, Description, Specification, Variable
 from brp.data import names, shipped_file
-from brp.programs.base import Base, at_base
-from brp.programs.behavior import Behavior
+from brp.programs.behavior import Base, pi_behavior_taught
 from brp.store import load, load_data, save_data
 from khepera_hil.errors import RecordingError, UsageError
 from khepera_hil.reading import read_manifest, read_ticks
 from khepera_hil.recording import LOG
+from khepera_hil.teaching.behaviors import based, enough, said
 from khepera_hil.teaching.lesson import Tick
 
-__all__ = ["TICK", "DataSet", "data_set", "joined", "learnt", "said", "taught"]
+__all__ = ["TICK", "DataSet", "data_set", "joined", "learnt", "taught"]
 
 _CUT = re.compile(r"(?P<source>.+)@(?P<first>\d+(\.\d+)?)?-(?P<last>\d+(\.\d+)?)?")
 TICK = 0.1
@@ -101,6 +101,8 @@ def taught(source: str, specification: Specification) -> Description:
         except (BrpError, OSError) as error:
             raise UsageError(f"{source} cannot be used: {error}") from None
     data = data_set(source, learnt(specification))
+    if specification is pi_behavior_taught:
+        enough(data.columns)
     try:
         return specification.identify(dict(data.columns), name=data.name)
     except BrpError as error:
@@ -141,11 +143,11 @@ def _of_run(folder: Path, variables: Sequence[Variable], labelled: bool) -> tupl
     for row in read_ticks(folder):
         values = {**_object(row.get("evidence")), **_object(row.get("draws"))}
         if Base in variables and Base.name not in values:
-            values |= _based(values)
+            values |= based(values)
         if not all(v.name in values for v in variables):
             continue
         kept += 1
-        if labelled and not said(row):
+        if labelled and not said(_object(row.get("evidence"))):
             continue
         for v in variables:
             try:
@@ -163,19 +165,6 @@ def _of_run(folder: Path, variables: Sequence[Variable], labelled: bool) -> tupl
         wanted = ", ".join(v.name for v in variables)
         raise UsageError(f"no tick of {folder} has all of {wanted}: it is a run of another kind of program")
     return f"run {manifest.get('run', folder.name)}", dict(columns), times
-
-
-def said(row: Mapping[str, Any]) -> bool:
-    """Whether the Behavior of a log's row is an operator's word: then it was known, and not drawn."""
-    return Behavior.name in _object(row.get("evidence"))
-
-
-def _based(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Base as the sixteen readings have it; nothing where they are not there, or are none."""
-    try:
-        return {Base.name: at_base(**{v.keyword: values[v.name] for v in at_base.known}).best()}
-    except (BrpError, KeyError, TypeError):
-        return {}
 
 
 def _object(found: Any) -> dict[str, Any]:

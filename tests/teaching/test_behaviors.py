@@ -15,14 +15,14 @@ from brp.programs.base import at_base
 from brp.programs.behavior import TABLES, Behavior, Behavior_t_1, Energy, deciding, pi_behavior_taught
 from khepera_hil.commands import identify
 from khepera_hil.commands import run as run_command
-from khepera_hil.commands.identified import FEWEST
 from khepera_hil.controllers.base import Setting
 from khepera_hil.controllers.watchman import Watchman
 from khepera_hil.errors import UsageError
 from khepera_hil.experiments.trial import Trial, drive
 from khepera_hil.reading import read_ticks
 from khepera_hil.recording import Tick
-from khepera_hil.teaching.dataset import data_set, learnt, said, taught
+from khepera_hil.teaching.behaviors import FEWEST, enough, said
+from khepera_hil.teaching.dataset import data_set, learnt, taught
 from tests.runs.cli import khepera_hil
 
 VARIABLES = learnt(pi_behavior_taught)
@@ -58,7 +58,7 @@ def test_an_operators_word_is_what_behavior_is_and_takes_no_number(rows: list[di
         number = row["tick"]
         last = max((at for at in WORDS if at < number), default=None)
         word = None if last is None or WORDS[last] == "free" else WORDS[last]
-        assert said(row) is (word is not None)
+        assert said(row["evidence"]) is (word is not None)
         if word is not None:
             assert row["draws"]["Behavior"] == word
             assert "Behavior" not in row["u"]
@@ -94,7 +94,7 @@ def test_what_is_learnt_are_the_counts_by_laplaces_rule(rows: list[dict[str, Any
 
 def test_labelled_ticks_alone(run: Path, rows: list[dict[str, Any]]) -> None:
     labelled = data_set(str(run), VARIABLES, labelled=True)
-    assert len(labelled) == sum(said(row) for row in rows) == 170
+    assert len(labelled) == sum(said(row["evidence"]) for row in rows) == 170
     assert set(labelled.columns["Behavior"]) == {"patrol", "recharge", "homing"}
     cut = data_set(f"{run}@7.05-9", VARIABLES, labelled=True)
     assert set(cut.columns["Behavior"]) == {"recharge"}
@@ -158,6 +158,13 @@ def test_a_run_in_which_nobody_said_anything_has_no_labels(tmp_path: Path) -> No
     assert len(data_set(str(folder), VARIABLES)) == 10
     with pytest.raises(UsageError, match=r"no tick of .* was labelled: run the watchman with --labels"):
         data_set(str(folder), VARIABLES, labelled=True)
+
+
+def test_a_watchman_does_not_go_by_too_little_either(run: Path) -> None:
+    with pytest.raises(UsageError, match="30 data are too few"):
+        taught(f"{run}@0-3", pi_behavior_taught)
+    with pytest.raises(UsageError, match="all 120 data are of one behavior, patrol"):
+        enough({"Behavior": ["patrol"] * 120})
 
 
 @pytest.mark.parametrize(
