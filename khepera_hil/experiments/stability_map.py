@@ -44,6 +44,7 @@ _LEGEND = (
     "red: more of it, blue: less; bold with a frame: beside zero also when all entries are allowed for, "
     "pale: the 95 % interval has zero in it; grey: zero or certain, and not moved"
 )
+_BESIDE = 3
 _SPECK = 0.005
 """Of the greatest value: what is less is written as nearly nothing."""
 
@@ -132,10 +133,11 @@ def maps_shown(folder: Path, name: str, title: str, maps: Mapping[str, Map]) -> 
         rrb.Spatial2DView(origin=f"/{place}", name=one, visual_bounds=bounds, background=[250, 250, 250])
         for place, one in enumerate(maps)
     ]
-    exact = [view for view, one in zip(views, maps, strict=True) if one.startswith("exact")]
-    others = [view for view, one in zip(views, maps, strict=True) if not one.startswith("exact")]
-    tabs: list[rrb.Container] = [rrb.Horizontal(*exact, name="Exact")] if exact else []
-    tabs += [rrb.Grid(*others, grid_columns=3, name="Simulated")] if others else []
+    # Three beside each other: in more rows the words of two lines would lie on each other.
+    tabs = [
+        rrb.Horizontal(*views[first : first + _BESIDE], name=_kind(list(maps), first))
+        for first in range(0, len(views), _BESIDE)
+    ]
     layout = rrb.Blueprint(
         rrb.Tabs(*tabs),
         rrb.BlueprintPanel(state="collapsed"),
@@ -154,6 +156,11 @@ def maps_shown(folder: Path, name: str, title: str, maps: Mapping[str, Map]) -> 
     stream.flush()
     stream.disconnect()
     return [picture, path]
+
+
+def _kind(names: Sequence[str], first: int) -> str:
+    """A tab's name: what its maps are, and which of all they are."""
+    return f"{names[first].partition(':')[0]}, maps {first + 1} to {min(first + _BESIDE, len(names))}"
 
 
 def _pixels(cells: Map) -> NDArray[np.uint8]:
@@ -195,7 +202,7 @@ def _colour(cell: Cell | None, most: float) -> tuple[int, int, int]:
     if cell is None:
         return _STILL
     towards = _POSITIVE if cell.value > 0 else _NEGATIVE
-    share = min(1.0, abs(cell.value) / most) * 0.85
+    share = min(1.0, abs(cell.value) / most) * (0.85 if cell.seen else 0.2)
     mixed: Sequence[int] = [round(g + (t - g) * share) for g, t in zip(_GROUND, towards, strict=True)]
     return mixed[0], mixed[1], mixed[2]
 
