@@ -41,7 +41,7 @@ BAUD = 38400
 @contextlib.contextmanager
 def _served(endpoint: Endpoint, robot: Disturbed) -> Iterator[None]:
     stop, ender = os.pipe()
-    thread = threading.Thread(target=lambda: serve(endpoint, robot, stop=stop))
+    thread = threading.Thread(target=lambda: serve([(endpoint, robot)], stop=stop))
     thread.start()
     try:
         yield

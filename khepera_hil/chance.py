@@ -17,12 +17,20 @@ Owner = Literal["robot", "start", "world", "scenario", "line", "program", "teach
 in it, the scenario's events, faults of the line, the program's draws, the scripted teacher."""
 
 
-def streams(seed: int) -> dict[Owner, np.random.SeedSequence]:
-    """One seed sequence for each owner, spawned from ``seed`` (a non-negative integer)."""
+_ROBOTS = 2**31
+"""Beyond the number of any owner, so that no robot's streams are another owner's."""
+
+
+def streams(seed: int, robot: int = 1) -> dict[Owner, np.random.SeedSequence]:
+    """One seed sequence for each owner, spawned from ``seed`` (a non-negative integer).
+
+    Several robots share one world; each but the first has streams of its own besides, by its number (from 1).
+    """
     owners: tuple[Owner, ...] = get_args(Owner)
-    return dict(zip(owners, np.random.SeedSequence(seed).spawn(len(owners)), strict=True))
+    root = np.random.SeedSequence(seed, spawn_key=() if robot == 1 else (_ROBOTS, robot))
+    return dict(zip(owners, root.spawn(len(owners)), strict=True))
 
 
-def generator(seed: int, owner: Owner) -> np.random.Generator:
+def generator(seed: int, owner: Owner, robot: int = 1) -> np.random.Generator:
     """The generator (PCG64) of one owner."""
-    return np.random.Generator(np.random.PCG64(streams(seed)[owner]))
+    return np.random.Generator(np.random.PCG64(streams(seed, robot)[owner]))

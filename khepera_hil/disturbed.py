@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
+from khepera_hil import chance
 from khepera_hil.emulator import Emulator
-from khepera_hil.faults import Faults
+from khepera_hil.faults import Fault, Faults
+from khepera_hil.faultspec import Specification
 from khepera_hil.world import LinkFault, World
 
-__all__ = ["Disturbed"]
+__all__ = ["Disturbed", "line_faults"]
 
 
 _KINDS = {"lost": "drop", "garbled": "flip", "silent": "drop"}  # a scenario's words for what happens to bytes
+
+
+def line_faults(
+    faults: Specification, seed: int, robot: int = 1, *, on_fault: Callable[[Fault], None] | None = None
+) -> Faults:
+    """The faults of one robot's line, by a chance of its own: of ``seed``, or of the seed that they bring."""
+    if robot > 1 and faults.seed is not None:
+        seed, faults = faults.seed, replace(faults, seed=None)
+    return Faults(faults, chance.streams(seed, robot)["line"], on_fault=on_fault)
 
 
 class Disturbed(Emulator):
@@ -42,7 +55,7 @@ class Disturbed(Emulator):
         """Let everything happen that happens until ``now``, and the world's own troubles of the line begin."""
         super().advance(now)
         self.world.advance(now)  # whose troubles begin on time
-        for event in self.world.due(LinkFault):
+        for event in self.body.due(LinkFault):
             self.faults.trouble(_KINDS[event.fault], event.share, event.at, event.at + event.lasts)
 
     def receive(self, data: bytes, now: float) -> None:

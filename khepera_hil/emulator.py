@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from khepera_hil.protocol import RequestLines
 from khepera_hil.rom import DEFAULT_FITTINGS, KHEPERA, Rom, model_for
@@ -17,7 +17,7 @@ from khepera_hil.uart import Fifo, Line
 from khepera_hil.world import Reset, World
 from khepera_hil.world.world import STEP
 
-__all__ = ["BOOT_TEXT", "VERSIONS", "Emulator"]
+__all__ = ["BOOT_TEXT", "VERSIONS", "Company", "Emulator"]
 
 BOOT_TEXT = KHEPERA.boot
 """What a Khepera prints when it is switched on in a serial mode."""
@@ -37,7 +37,8 @@ class Emulator:
 
     ``baud`` is the rate of the robot's mode (its jumpers), to which each start brings it back; ``robot`` a name of
     :data:`~khepera_hil.rom.MODELS`, by default a Khepera where it has the rate; ``turrets`` names of
-    :data:`~khepera_hil.rom.FITTINGS`.
+    :data:`~khepera_hil.rom.FITTINGS`. ``number`` says which of the world's robots it is; several that are emulated
+    in one world are to be one :class:`Company`.
 
     ``host_baud`` is the rate of the other end, by default the same; where the two differ, bytes arrive garbled both
     ways. ``host_follows``: the other end has no rate of its own and is always at the robot's. ``fifo`` is the
@@ -56,6 +57,7 @@ class Emulator:
         world: World,
         baud: int,
         *,
+        number: int = 1,
         host_baud: int | None = None,
         host_follows: bool = False,
         fifo: int = 1,
@@ -64,13 +66,17 @@ class Emulator:
         on_request: Callable[[float, bytes], None] | None = None,
     ) -> None:
         self.world = world
+        self.body = world.robots[number - 1]
+        """The robot in the world."""
+        self.company: Company | None = None
+        """Where other robots are in the same world: who lets everything happen in its order."""
         self.model = model_for(robot, baud)
         self.baud = baud
         """The robot's rate now."""
         self._mode_baud = baud
         self._host_follows = host_follows
         self._on_request = on_request
-        self._rom = Rom(world, self.model, turrets)
+        self._rom = Rom(self.body, self.model, turrets)
         self._to_robot = Line(host_baud or baud, baud)
         self._to_host = Line(baud, host_baud or baud)
         self._fifo = Fifo(fifo)
@@ -96,6 +102,13 @@ class Emulator:
             self._to_robot.sender = self._to_host.receiver = baud
             self._now = -1.0
 
+    def follow(self, baud: int, now: float) -> None:
+        """The other end is at this rate from ``now`` on."""
+        if baud != self.host_baud:
+            if self.company is not None:
+                self.advance(now)  # what was said until now was said at the old one, whoever looked first
+            self.host_baud = baud
+
     @property
     def leds(self) -> tuple[int, int]:
         """LED 0 (lateral) and 1 (front): 1 is on."""
@@ -120,32 +133,40 @@ class Emulator:
         if now == self._now:
             return
         self._now = now
-        if self._waiting or self._to_robot.pending or self._next_alarm() <= now:
-            self._happen(now)
-        if self.keeps_up:
-            self.world.advance(now)
+        if self.company is not None:
+            self.company.advance(now)
+        else:
+            if self._waiting or self._to_robot.pending or self._next_alarm() <= now:
+                self._happen(now)
+            if self.keeps_up:
+                self.world.advance(now)
         if self._to_host.pending:
             self._fifo.put(self._to_host.certain(now, before=self._reset_at), self.host_baud)
 
     def _happen(self, now: float) -> None:
         """What is asked, and what the robot does by itself, until ``now``."""
-        while True:
-            answer = self._next_answer()
-            alarm = self._next_alarm()
-            first = min(answer, alarm)
-            if self._hear(min(first, now)):
-                continue  # with one line more, which may be due before all others
-            if first > now:
-                return
+        while (first := self.coming(now)) <= now:
             self.world.advance(first)
-            if first == self._reset_at:
-                self._restart(first)
-                self.world.due(Reset)
-                self._reset_at = self._next_reset()
-            elif first == alarm:
-                self._rom.act(first)
-            else:
-                self._answer(self._waiting.popleft()[1], first)
+            self.happen(first)
+
+    def coming(self, now: float) -> float:
+        """When the robot next does something, once it has heard what comes until ``now`` and before that."""
+        while True:
+            first = min(self._next_answer(), self._next_alarm())
+            if not self._hear(min(first, now)):
+                return first
+            # With one line more, which may be due before all others.
+
+    def happen(self, moment: float) -> None:
+        """Do what :meth:`coming` has named, the world being as far as ``moment``."""
+        if moment == self._reset_at:
+            self._restart(moment)
+            self.body.due(Reset)
+            self._reset_at = self._next_reset()
+        elif moment == self._next_alarm():
+            self._rom.act(moment)
+        else:
+            self._answer(self._waiting.popleft()[1], moment)
 
     def transmitted(self, now: float) -> bytes:
         """Take out what has come to the host's driver by ``now``."""
@@ -194,7 +215,7 @@ class Emulator:
 
     def _next_reset(self) -> float:
         """The end of the world's step in which the scenario resets the robot."""
-        at = self.world.next_due(Reset)
+        at = self.body.next_due(Reset)
         if at is None:
             return math.inf
         step = math.ceil(at / STEP - 1e-9)
@@ -228,3 +249,32 @@ class Emulator:
             self._to_robot.sender = self._to_robot.receiver = self._to_host.receiver = baud
         else:
             self._to_robot.listen(baud, moment)
+
+
+class Company:
+    """Emulated robots of one world, which is moved on for all of them: what happens to any happens in its order.
+
+    So it makes no difference whose bytes are asked for first, or how often. What comes at one moment comes in the
+    order of the robots' numbers. Raises ValueError for robots of several worlds, or the same one twice.
+    """
+
+    def __init__(self, emulators: Iterable[Emulator]) -> None:
+        self._emulators = sorted(emulators, key=lambda emulator: emulator.body.number)
+        worlds = {id(emulator.world) for emulator in self._emulators}
+        numbers = {emulator.body.number for emulator in self._emulators}
+        if len(worlds) > 1 or len(numbers) < len(self._emulators):
+            raise ValueError("robots of one company are different ones of the same world")
+        for emulator in self._emulators:
+            emulator.company = self
+
+    def advance(self, now: float) -> None:
+        """Let everything happen that happens until ``now``, to any of them."""
+        emulators = self._emulators
+        world = emulators[0].world
+        moments = [emulator.coming(now) for emulator in emulators]
+        while (first := min(moments)) <= now:
+            number = moments.index(first)
+            world.advance(first)
+            emulators[number].happen(first)
+            moments[number] = emulators[number].coming(now)
+        world.advance(now)

@@ -15,6 +15,7 @@
     |-- WorldError                 2  an arena that cannot be read or furnished
     |-- RecordingError             6  the run's folder cannot be written, or read back
     |-- ViewerError                1  the viewer is not there, or cannot draw here
+    |-- CampaignError              1  a case that kills its worker, a scheduler or workers that cannot be had
     |-- OrderRefused               8  an order that no running program takes
     `-- ProtocolError              1  bytes that are not in the protocol's grammar (raised by ``protocol`` only)
 
@@ -26,6 +27,7 @@ from __future__ import annotations
 
 __all__ = [
     "BadAnswer",
+    "CampaignError",
     "GuardLost",
     "Implausible",
     "KheperaHilError",
@@ -122,6 +124,10 @@ class RecordingError(KheperaHilError):
 
 class ViewerError(KheperaHilError):
     """The viewer is not installed, or cannot draw here."""
+
+
+class CampaignError(KheperaHilError):
+    """Not all cases of a campaign can be measured: one kills its worker, or there are no workers to be had."""
 
 
 class OrderRefused(KheperaHilError):

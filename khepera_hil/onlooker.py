@@ -30,7 +30,10 @@ def shown(about: Mapping[str, Any], world: World) -> dict[str, Any]:
 
 
 class Onlooker:
-    """Looks at the world every 0.1 s and hands what it saw to ``offer``, which never waits."""
+    """Looks at the world every 0.1 s and hands what it saw to ``offer``, which never waits.
+
+    Readings are the first robot's; of others it sees the poses.
+    """
 
     def __init__(self, world: World, offer: Callable[[Tick], None]) -> None:
         self._world, self._offer = world, offer

@@ -155,9 +155,15 @@ TABLE: dict[str, set[str]] = {
         "khepera_hil.uart",
         "khepera_hil.world",
     },
-    "khepera_hil.disturbed": {"khepera_hil.emulator", "khepera_hil.faults", "khepera_hil.world"},
-    "khepera_hil.ports": {
+    "khepera_hil.disturbed": {
         "khepera_hil.chance",
+        "khepera_hil.emulator",
+        "khepera_hil.faults",
+        "khepera_hil.faultspec",
+        "khepera_hil.world",
+    },
+    "khepera_hil.ports": {
+        "khepera_hil.ports",
         "khepera_hil.clock",
         "khepera_hil.disturbed",
         "khepera_hil.faults",
@@ -236,7 +242,16 @@ TABLE: dict[str, set[str]] = {
         "scipy",  # late
         "evdev",  # late: an extra
     },
-    "khepera_hil.experiments": {"khepera_hil", "brp", "numpy", "scipy", "serial", "rerun"},
+    "khepera_hil.experiments": {
+        "khepera_hil",
+        "brp",
+        "numpy",
+        "scipy",
+        "serial",
+        "rerun",
+        "pyarrow",  # late
+        "distributed",  # late: an extra
+    },
     "khepera_hil.commands": {"khepera_hil", "brp", "numpy", "serial"},
     "khepera_hil.__main__": {"khepera_hil"},
 }

@@ -16,6 +16,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "run": "run a program (what happens without a word)",
         "check": "look at a robot, its line and this computer; nothing moves",
         "emulate": "an emulated Khepera behind a pseudo-terminal, for any program",
+        "meet": "several programs at once, each on its own robot in one simulated world",
         "order": "an order to a run that is going on: stop, resume, vigil on ...",
         "runs": "list recorded runs",
         "review": "open a recorded run in the viewer, or make a picture of it",

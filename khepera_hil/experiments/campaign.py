@@ -1,46 +1,31 @@
-"""Many trials on all cores, with progress; what is done is kept, so that an interrupted campaign goes on.
+"""Many trials on all cores, or on many computers; what is done is kept, so that an interrupted campaign goes on.
 
-Each result is a line of ``results.jsonl`` in the experiment's folder, under the hash of all that it depends on: the
-code of both packages, their arenas and data, and the case. Other code, and it is measured anew.
+Each result is kept in the experiment's folder (`khepera_hil.experiments.results`) under the fingerprint of all code
+that it depends on (`khepera_hil.experiments.fingerprint`) and its case. Other code, and it is measured anew.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
-import signal
-import sys
+from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
-from khepera_hil.errors import RecordingError
+from khepera_hil.errors import CampaignError
+from khepera_hil.experiments.cases import Case, Result
+from khepera_hil.experiments.crew import Crew, Ended, Processes, Trial, cores
+from khepera_hil.experiments.fingerprint import Code, code_of
+from khepera_hil.experiments.progress import Progress, progress_stream
+from khepera_hil.experiments.results import Results, forget, kept, parts, table_of
 
-__all__ = ["Case", "Result", "fingerprint", "run"]
+__all__ = ["Case", "Result", "progress_stream", "run", "table"]
 
-Case = Mapping[str, Any]
-"""What is to be tried, the seed among it: plain values, as JSON has them."""
+TRIES = 3
+"""So often is a case tried whose worker dies."""
 
-Result = dict[str, Any]
-
-_LOG = "results.jsonl"
-
-
-@cache
-def fingerprint() -> str:
-    """Of the code, the arenas and the data."""
-    digest = hashlib.blake2b(digest_size=8)
-    for package in ("brp", "khepera_hil"):
-        root = Path(str(files(package)))
-        for path in sorted(root.rglob("*")):
-            if path.suffix in {".py", ".toml", ".json"}:
-                digest.update(str(path.relative_to(root)).encode())
-                digest.update(path.read_bytes())
-    return digest.hexdigest()
+_LOOK = 1.0
+"""Seconds between looks at the clock while nothing ends."""
 
 
 def run(
@@ -50,101 +35,125 @@ def run(
     folder: Path,
     *,
     workers: int | None = None,
+    scheduler: str | None = None,
+    fresh: bool = False,
     progress: TextIO | None = None,
 ) -> list[Result]:
     """The result of each case, in the cases' order.
 
-    ``trial`` is a module's own function (it is sent to other processes) and depends on nothing but its case and the
-    code. Raises KeyboardInterrupt after the results that were there have been kept.
+    ``trial`` is a module's own function (other processes run it) and depends on nothing but its case and the code.
+    ``workers`` are processes of this computer, one for each core if it is not said; ``scheduler`` is the address of
+    a dask cluster to run on instead. ``fresh`` measures anew what is known. All results are as JSON gives them
+    back, whether they are new or kept.
+
+    Raises what a trial raised, when what was under way beside it has ended and is kept; KeyboardInterrupt, when
+    what has ended is; CampaignError, when all others are done, for cases whose workers died, and where there is no
+    scheduler or no worker with this code.
     """
-    keys = [_key(case) for case in cases]
-    known = _known(folder / _LOG, set(keys))
-    waiting = {key: case for key, case in zip(keys, cases, strict=True) if key not in known}
-    if waiting:
-        _work(name, trial, waiting, known, folder, workers or os.cpu_count() or 1, progress)
-    return [known[key] for key in keys]
+    code = code_of(trial.__module__)
+    keys = [json.dumps(case, sort_keys=True, allow_nan=False) for case in cases]
+    if fresh:
+        forget(folder, code.digest)
+    known: Mapping[str, str] = kept(folder, code.digest)
+    waiting = [key for key in dict.fromkeys(keys) if key not in known]
+    if waiting or parts(folder, code.digest):
+        with Results(folder, code.digest) as results:
+            known = results.known
+            waiting = [key for key in waiting if key not in known]
+            telling = Progress(name, len(waiting), len(set(keys)) - len(waiting), progress)
+            try:
+                if waiting:
+                    crew = _crew(Trial.of(trial), code, workers or min(cores(), len(waiting)), scheduler, telling)
+                    _Campaign(crew, code, results, telling).work(waiting)
+            finally:
+                results.together(keys)
+    return [json.loads(known[key]) for key in keys]
 
 
-def _work(
-    name: str,
-    trial: Callable[[Case], Result],
-    waiting: Mapping[str, Case],
-    known: dict[str, Result],
-    folder: Path,
-    workers: int,
-    progress: TextIO | None,
-) -> None:
-    done = 0
+def table(trial: Callable[[Case], Result], folder: Path) -> Path:
+    """Where a campaign's results are, as parquet."""
+    return table_of(folder, code_of(trial.__module__).digest)
 
-    def tell(end: str = "") -> None:
-        if progress is not None:
-            kept = len(known) - done
-            more = f", {kept} known from before" if kept else ""
-            live = progress.isatty()
-            if live or end or done % 20 == 0:
-                progress.write(f"{chr(13) if live else ''}{name}: {done} of {len(waiting)} trials{more}")
-                progress.write(end or ("" if live else "\n"))
-                progress.flush()
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        log = (folder / _LOG).open("a", encoding="utf-8")
-    except OSError as error:
-        raise RecordingError(f"results cannot be kept in {folder}: {error.strerror or error}") from None
-    with log, ProcessPoolExecutor(min(workers, len(waiting)), initializer=_deaf) as pool:
-        running: dict[Future[Result], str] = {}
-        todo = iter(waiting.items())
+def _crew(trial: Trial, code: Code, workers: int, scheduler: str | None, telling: Progress) -> Crew:
+    if scheduler is None:
+        return Processes(trial, workers)
+    from khepera_hil.experiments.cluster import Cluster  # late: an extra
+
+    return Cluster(scheduler, trial, code.digest, telling.say)
+
+
+class _Campaign:
+    """Hands out cases and keeps results."""
+
+    def __init__(self, crew: Crew, code: Code, results: Results, telling: Progress) -> None:
+        self._crew, self._code, self._results, self._telling = crew, code, results, telling
+        self._deaths: Counter[str] = Counter()
+        self._lost: dict[str, str] = {}
+        self._error: Exception | None = None
+
+    def work(self, cases: Sequence[str]) -> None:
+        """Try them all."""
+        waiting = deque(cases)
+        under_way = 0
         try:
-            while True:
-                while len(running) < 2 * workers and (following := next(todo, None)) is not None:
-                    running[pool.submit(trial, following[1])] = following[0]
-                if not running:
-                    break
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    key = running.pop(future)
-                    known[key] = future.result()
-                    done += 1
-                    row = {"code": fingerprint(), "case": key, "result": known[key]}
-                    log.write(json.dumps(row, allow_nan=False) + "\n")
-                    log.flush()
-                    tell()
-        except BaseException:
-            for future in running:
-                future.cancel()
-            raise
+            while waiting or under_way:
+                while waiting and self._crew.free() > 0:
+                    self._crew.start(waiting.popleft())
+                    under_way += 1
+                ended = self._crew.ended(_LOOK)
+                under_way -= len(ended)
+                self._keep(ended)
+                for one in ended:
+                    waiting += self._again(one)
+                if self._error is not None:
+                    waiting.clear()
+                self._telling.tell()
         finally:
-            tell("\n")
+            self._crew.close()
+            self._telling.end()
+        if self._error is not None:
+            raise self._error
+        if self._lost:
+            raise CampaignError(_lost(self._lost, len(cases)))
+
+    def _keep(self, ended: Sequence[Ended]) -> None:
+        rows = [(one.case, one.result) for one in ended if one.result is not None]
+        if rows and (path := self._code.changed()) is not None:
+            raise CampaignError(
+                f"{path} was changed while the campaign was running; what was measured before is kept under the "
+                "code of before, the same command measures all with the code of now"
+            )
+        self._results.keep(rows)
+        self._telling.done(len(rows))
+
+    def _again(self, ended: Ended) -> list[str]:
+        """The case, if it is to be tried again."""
+        if ended.error is not None:
+            ended.error.add_note(f"in the case {ended.case}")
+            self._telling.say(f"{_short(ended.case)} failed; what is under way is finished")
+            self._error = self._error or ended.error
+        if ended.died is None:
+            return [ended.case] if ended.result is None and ended.error is None else []
+        self._deaths[ended.case] += 1
+        tried = self._deaths[ended.case]
+        if ended.again and tried < TRIES:
+            self._telling.say(
+                f"a worker {ended.died}; its case is tried again ({tried} of {TRIES}): {_short(ended.case)}"
+            )
+            return [ended.case]
+        self._telling.say(f"a worker {ended.died}; its case is given up: {_short(ended.case)}")
+        self._lost[ended.case] = ended.died
+        return []
 
 
-def _deaf() -> None:
-    """Ctrl-C is for the process that started the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _lost(lost: dict[str, str], cases: int) -> str:
+    case, how = next(iter(lost.items()))
+    which = f"the worker {how} each time it tried {_short(case)}"
+    if len(lost) > 1:
+        which += f", and so with {len(lost) - 1} other cases"
+    return f"{which}; the results of the other {cases - len(lost)} are kept"
 
 
-def _key(case: Case) -> str:
-    return json.dumps(case, sort_keys=True)
-
-
-def _known(path: Path, wanted: set[str]) -> dict[str, Result]:
-    """What was measured by this very code; half a line, left by a killed process, is no result."""
-    known: dict[str, Result] = {}
-    try:
-        lines = path.read_text("utf-8").splitlines()
-    except FileNotFoundError:
-        return known
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path} cannot be read: {error}; remove it to measure anew") from None
-    for line in lines:
-        try:
-            row = json.loads(line)
-            code, key, result = row["code"], row["case"], row["result"]
-        except (ValueError, KeyError, TypeError):
-            continue
-        if code == fingerprint() and key in wanted and isinstance(result, dict):
-            known[key] = result
-    return known
-
-
-def progress_stream() -> TextIO | None:
-    """Where progress is told: standard error, unless it is closed."""
-    return sys.stderr
+def _short(case: str) -> str:
+    return case if len(case) <= 300 else f"{case[:297]}..."

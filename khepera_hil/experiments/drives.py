@@ -19,7 +19,7 @@ from brp.store import load_data
 from khepera_hil import chance
 from khepera_hil.controllers import PROGRAMS, Controller, Setting
 from khepera_hil.experiments.arenas import OBJECTS, beside, lamp_somewhere, pushable, written
-from khepera_hil.experiments.campaign import Case, Result
+from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.trial import Trial, drive
 from khepera_hil.recording import Tick
 from khepera_hil.teaching.lesson import BEHAVIORS, WORLDS, Lesson

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from khepera_hil.experiments.campaign import Case, Result
+from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.figures import Figure
 
 __all__ = ["Experiment", "Report", "no_cases", "no_trial", "nothing_to_show"]

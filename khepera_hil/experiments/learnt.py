@@ -14,7 +14,7 @@ import numpy as np
 from brp import Description
 from brp.derivative import numbers
 from brp.programs.behavior import TABLES, Behavior
-from khepera_hil.experiments.campaign import Case, Result
+from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.experiment import Experiment, Report
 from khepera_hil.experiments.figures import Figure, counted, mean, share
 from khepera_hil.experiments.stability_effects import OUTCOMES

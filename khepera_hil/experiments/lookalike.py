@@ -16,7 +16,7 @@ from brp.programs.home import Vrot as VrotH
 from brp.programs.obstacle import Dir, Prox, Vrot, following, obstacle
 from khepera_hil.experiments import drives
 from khepera_hil.experiments.arenas import OBJECTS
-from khepera_hil.experiments.campaign import Case, Result
+from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.experiment import Experiment, Report, no_cases, no_trial
 from khepera_hil.experiments.figures import Figure, counted, mean, rate, share
 from khepera_hil.experiments.picture import Chart

@@ -8,7 +8,7 @@ from typing import Any
 
 from khepera_hil.experiments import drives
 from khepera_hil.experiments.arenas import OBJECTS
-from khepera_hil.experiments.campaign import Case, Result
+from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.experiment import Experiment, Report
 from khepera_hil.experiments.figures import mean, rate, share
 from khepera_hil.experiments.show import run_shown

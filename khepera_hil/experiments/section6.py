@@ -16,7 +16,7 @@ from brp.programs.lamp import LightSensor, lamp
 from brp.programs.sensor import BEARINGS, K, Li, sensor
 from khepera_hil.controllers.fusion import Fusion
 from khepera_hil.experiments.arenas import lamp_somewhere, written
-from khepera_hil.experiments.campaign import Case, Result
+from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.drives import generator
 from khepera_hil.experiments.experiment import Experiment, Report, no_cases, no_trial
 from khepera_hil.experiments.figures import Figure, counted, mean, rate, share

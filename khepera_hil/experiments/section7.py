@@ -15,7 +15,7 @@ from brp.programs.phototaxy import phototaxy1
 from khepera_hil.controllers import PROGRAMS, Controller
 from khepera_hil.controllers.base import Reactive
 from khepera_hil.experiments.arenas import pocket, written
-from khepera_hil.experiments.campaign import Case, Result
+from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.drives import generator, lesson
 from khepera_hil.experiments.experiment import Experiment, Report, no_cases, no_trial
 from khepera_hil.experiments.figures import counted, mean, share

@@ -14,7 +14,7 @@ from brp.programs.object import recognised, unacquainted
 from khepera_hil.controllers import PROGRAMS
 from khepera_hil.controllers.object import Recogniser
 from khepera_hil.experiments.arenas import OBJECTS, beside, written
-from khepera_hil.experiments.campaign import Case, Result
+from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.drives import generator
 from khepera_hil.experiments.experiment import Experiment, Report, no_cases, no_trial
 from khepera_hil.experiments.figures import counted, mean, share

@@ -13,18 +13,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from khepera_hil.experiments.campaign import Case, Result
+from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.experiment import Experiment, Report
 from khepera_hil.experiments.figures import counted
-from khepera_hil.experiments.stability_design import Design, signs_of
+from khepera_hil.experiments.stability_design import Design
 from khepera_hil.experiments.stability_effects import OUTCOMES, RARELY, Nights
 from khepera_hil.experiments.stability_exact import matters
 from khepera_hil.experiments.stability_map import Cell, Map, maps_shown
-from khepera_hil.experiments.stability_tables import ENTRIES, described, movable, perturbed
+from khepera_hil.experiments.stability_tables import ENTRIES, movable
 from khepera_hil.experiments.stability_text import Found, dwell_lines, entry_lines, levels, markdown, numbers
-from khepera_hil.experiments.tabled_night import nightly
+from khepera_hil.experiments.stability_trial import trial
 
-__all__ = ["experiment", "trial"]
+__all__ = ["experiment"]
 
 
 def experiment(design: Design | None = None) -> Experiment:
@@ -39,13 +39,6 @@ def experiment(design: Design | None = None) -> Experiment:
         study.report,
         study.show,
     )
-
-
-def trial(case: Case) -> Result:
-    """One night, with the tables as printed or perturbed."""
-    signs = signs_of(case)
-    tables = perturbed(signs, float(case["amount"]), float(case.get("opened", 0.0))) if signs else None
-    return nightly(int(case["seed"]), float(case["seconds"]), None if tables is None else described(tables))
 
 
 @dataclass

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from khepera_hil.errors import UsageError
-from khepera_hil.experiments.campaign import Case
+from khepera_hil.experiments.cases import Case
 from khepera_hil.experiments.stability_exact import matters
 from khepera_hil.experiments.stability_tables import ENTRIES, Entry, chosen, movable, zeros
 

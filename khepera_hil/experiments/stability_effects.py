@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from khepera_hil.experiments.campaign import Case, Result
+from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.stability_design import entries_of, signs_of
 from khepera_hil.experiments.stability_exact import Met, Situation, otherwise
 from khepera_hil.experiments.stability_tables import ENTRIES, Entry, movable

@@ -17,7 +17,7 @@ import numpy as np
 from brp import Description
 from khepera_hil.controllers.base import Setting
 from khepera_hil.controllers.watchman import Watchman
-from khepera_hil.experiments.campaign import Result
+from khepera_hil.experiments.cases import Result
 from khepera_hil.experiments.nights import night
 from khepera_hil.experiments.stability_exact import Situation
 from khepera_hil.experiments.tally import Tally

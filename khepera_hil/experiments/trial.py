@@ -49,6 +49,8 @@ class Trial:
     poses: dict[str, tuple[float, float, float]] = field(default_factory=dict)
     """Where everything that can move is by now, the robot too."""
     score: Mapping[str, Any] = field(default_factory=dict)
+    folder: Path | None = None
+    """Where it was recorded, if it was."""
     stopped: bool = False
     """Whether ``watch`` had seen enough."""
 
@@ -136,6 +138,7 @@ def drive(
             about = {"robot": {"bios": versions[0], "protocol": versions[1]}, "port": "emulator", "baud": BAUD}
             seen = {"name": Path(world).stem, "size": witness.size(), "shapes": witness.shapes()}
             recording = _recorded(record, seed, controller.name, {**about, **service.program(), "world": seen})
+            trial.folder = recording.folder
         try:
             log = _Log(trial, watch, service.stop, recording)
             service.run(log, duration=duration)  # type: ignore[arg-type]  # it only writes

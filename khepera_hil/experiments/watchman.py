@@ -16,7 +16,7 @@ from typing import Any
 from khepera_hil.controllers.base import Setting
 from khepera_hil.controllers.watchman import Watchman
 from khepera_hil.experiments import weathercock
-from khepera_hil.experiments.campaign import Case, Result
+from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.experiment import Experiment, Report
 from khepera_hil.experiments.figures import Figure, counted, rate, share
 from khepera_hil.experiments.nights import night
@@ -33,18 +33,20 @@ _SHORT = 300.0  # s
 _BASE = (0.18, 0.18)
 
 
-def experiment(hours: float = 0.0, nights: int | None = None, record: Path | None = None) -> Experiment:
-    """``hours`` of the fair in all, and so many short nights (None: one for each seed).
+def experiment(
+    hours: float = 0.0, nights: int | None = None, record: Path | None = None, days: int = DAYS
+) -> Experiment:
+    """``hours`` of the fair in all, in so many days, and so many short nights (None: one for each seed).
 
     ``record`` is where the days of the fair are recorded.
     """
 
     def cases(seeds: Sequence[int]) -> list[Case]:
-        days: list[Case] = []
+        fair: list[Case] = []
         if hours > 0:
-            days = [_case(seeds[0] + day, hours / DAYS * 3600, "watchman", record) for day in range(DAYS)]
+            fair = [_case(seeds[0] + day, hours / days * 3600, "watchman", record) for day in range(days)]
         short = range(seeds[0], seeds[0] + nights) if nights is not None else seeds
-        return [*days, *(_case(1000 + seed, _SHORT, "furnished") for seed in short)]
+        return [*fair, *(_case(1000 + seed, _SHORT, "furnished") for seed in short)]
 
     return Experiment("watchman", "the night watchman's nights", "10", cases, trial, report)
 

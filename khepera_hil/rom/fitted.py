@@ -7,7 +7,7 @@ from typing import Protocol
 
 from khepera_hil.errors import UsageError
 from khepera_hil.turrets import CAMERA, GRIPPER, SCAN_PERIODS, TURRETS, encode_turret_answer, parse_turret_request
-from khepera_hil.world import World
+from khepera_hil.world import Robot
 
 __all__ = ["DEFAULT_FITTINGS", "FITTINGS", "GeneralIO", "Intelligent", "ask", "fit", "turrets"]
 
@@ -66,8 +66,8 @@ class Camera:
     number = CAMERA.number
     revision = (1, 2)
 
-    def __init__(self, world: World) -> None:
-        self._world = world
+    def __init__(self, body: Robot) -> None:
+        self._body = body
         self._reads: dict[str, Callable[[list[int]], Sequence[int]]] = {
             "N": lambda pixels: pixels,
             "M": lambda pixels: [
@@ -81,18 +81,18 @@ class Camera:
 
     def reset(self) -> None:
         """It chooses its own period again."""
-        self._world.set_camera_period(SCAN_PERIODS[0])
+        self._body.set_camera_period(SCAN_PERIODS[0])
 
     def answer(self, letter: str, values: Sequence[int]) -> tuple[int, ...]:
         """Everything is read from the frame that is held now."""
         if letter == "B":
             return self.revision
         if letter == "U":
-            self._world.set_camera_period(SCAN_PERIODS[values[0]])
+            self._body.set_camera_period(SCAN_PERIODS[values[0]])
             return ()
         if letter == "L":
-            return divmod(self._world.camera_light(), 256)
-        pixels = self._world.camera()
+            return divmod(self._body.camera_light(), 256)
+        pixels = self._body.camera()
         if letter in "QR":
             return tuple(pixels[values[0] : values[0] + (8 if letter == "Q" else 16)])
         return tuple(self._reads[letter](pixels))
@@ -105,8 +105,8 @@ class GeneralIO:
     micro-turbine, input 3 has half of the battery's voltage, input 4 is high while the base's contacts charge.
     """
 
-    def __init__(self, world: World) -> None:
-        self._world = world
+    def __init__(self, body: Robot) -> None:
+        self._body = body
         self._port = 0
 
     def reset(self) -> None:
@@ -117,7 +117,7 @@ class GeneralIO:
         """Other addresses are nobody's."""
         if address == _DIGITAL:
             self._port = data
-            self._world.set_turbine(bool(data & 1))
+            self._body.set_turbine(bool(data & 1))
 
     def read(self, address: int) -> int | None:
         """The port's pins read as they are driven."""
@@ -126,9 +126,9 @@ class GeneralIO:
     def analog(self, channel: int) -> int | None:
         """One of its inputs, 0..1023."""
         if channel == _BATTERY:
-            return min(_FULL, round(self._world.battery.volts / 2 / _VOLTS_A_STEP))
+            return min(_FULL, round(self._body.battery.volts / 2 / _VOLTS_A_STEP))
         if channel == _CONTACT:
-            return _FULL if self._world.battery.charging else 0
+            return _FULL if self._body.battery.charging else 0
         return None
 
 
@@ -148,12 +148,12 @@ def turrets(text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def fit(world: World, names: Sequence[str]) -> tuple[dict[int, Intelligent], GeneralIO | None]:
+def fit(body: Robot, names: Sequence[str]) -> tuple[dict[int, Intelligent], GeneralIO | None]:
     """The turrets of these names, the intelligent ones by number. Raises UsageError."""
     turrets(",".join(names) or "none")
-    makers: dict[str, Callable[[], Intelligent]] = {"gripper": Gripper, "k213": lambda: Camera(world)}
+    makers: dict[str, Callable[[], Intelligent]] = {"gripper": Gripper, "k213": lambda: Camera(body)}
     fitted = [make() for name, make in makers.items() if name in names]
-    return {turret.number: turret for turret in fitted}, GeneralIO(world) if "genio" in names else None
+    return {turret.number: turret for turret in fitted}, GeneralIO(body) if "genio" in names else None
 
 
 def ask(fitted: dict[int, Intelligent], number: int, text: str) -> str | None:

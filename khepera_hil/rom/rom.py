@@ -19,7 +19,7 @@ from khepera_hil.rom.fitted import DEFAULT_FITTINGS, ask, fit
 from khepera_hil.rom.models import KHEPERA, Model
 from khepera_hil.turrets import TURRET_ABSENT
 from khepera_hil.units import ENCODER_PULSES_PER_MM
-from khepera_hil.world import World
+from khepera_hil.world import Robot
 
 __all__ = ["Reply", "Rom"]
 
@@ -49,11 +49,11 @@ class Rom:
     :meth:`reset` when the robot starts anew. Raises UsageError for a turret that there is not.
     """
 
-    def __init__(self, world: World, model: Model = KHEPERA, turrets: Sequence[str] = DEFAULT_FITTINGS) -> None:
+    def __init__(self, body: Robot, model: Model = KHEPERA, turrets: Sequence[str] = DEFAULT_FITTINGS) -> None:
         self.model = model
-        self._world = world
-        self._motion = world.motion
-        self._turrets, self._port = fit(world, turrets)
+        self._body = body
+        self._motion = body.motion
+        self._turrets, self._port = fit(body, turrets)
         self.due: float | None = None
         """When the robot next does something by itself, seconds."""
         self._orders: dict[str, Callable[..., None]] = {
@@ -73,8 +73,8 @@ class Rom:
             "H": lambda: self._motion.counters(self._ways()),
             "I": lambda channel: (self._analog(channel),),
             "K": lambda: self._motion.status(self._measured_speeds(), self._ways()),
-            "N": self._world.proximity,
-            "O": self._world.light,
+            "N": self._body.proximity,
+            "O": self._body.light,
             "R": lambda address: (self._read_bus(address),),
         }
         self._now = 0.0
@@ -104,7 +104,7 @@ class Rom:
 
     def act(self, now: float) -> None:
         """One period of the demonstration: ahead, and away from what is near."""
-        near = self._world.proximity()
+        near = self._body.proximity()
         left, right = max(near[0] / 2, near[1], near[2]), max(near[5] / 2, near[4], near[3])
         turn = math.copysign(10, left - right) * min(1.0, max(left, right) / 400)
         ahead = _DEMO_SPEED * (1 - min(1.0, max(left, right) / 400))
@@ -133,11 +133,11 @@ class Rom:
         return encode_answer(letter)
 
     def _ways(self) -> list[float]:
-        return [way * ENCODER_PULSES_PER_MM for way in self._world.wheel_travel()]
+        return [way * ENCODER_PULSES_PER_MM for way in self._body.wheel_travel()]
 
     def _measured_speeds(self) -> list[int]:
         """Pulses in the last whole 10 ms, as the robot counts them."""
-        before, after = self._world.wheel_window()
+        before, after = self._body.wheel_window()
         speeds = [
             math.floor(new * ENCODER_PULSES_PER_MM) - math.floor(old * ENCODER_PULSES_PER_MM)
             for old, new in zip(before, after, strict=True)
@@ -151,13 +151,13 @@ class Rom:
         if self._port is not None and (value := self._port.analog(channel)) is not None:
             return value
         if self.model.charger:
-            battery, sensor = self._world.battery, int(self._now / _SENSOR_TIME) % 8
+            battery, sensor = self._body.battery, int(self._now / _SENSOR_TIME) % 8
             if channel == _CHARGER:
                 return 1023 if battery.charging else 0
             if channel == _REFLECTED:
-                return self._world.proximity()[sensor]
+                return self._body.proximity()[sensor]
             if channel == _AMBIENT:
-                return self._world.light()[sensor]
+                return self._body.light()[sensor]
             if channel == _CURRENT:
                 return min(1023, round(battery.current_ma))
         return 0

@@ -43,7 +43,7 @@ class View:
     def __init__(self, eyes: Eyes) -> None:
         self._eyes = eyes
         shapes = eyes.shapes()
-        self._solid = [shape for shape in shapes if shape["kind"] not in ("robot", "lamp", "base")]
+        self._solid = [s for s in shapes if s["kind"] not in ("lamp", "base") and s["name"] != "robot"]
         self._lamps = [shape for shape in shapes if shape["kind"] == "lamp"]
 
     def look(self) -> list[Seen]:

@@ -24,6 +24,7 @@ __all__ = [
     "faded",
     "many",
     "mixed",
+    "other",
     "packed",
     "ramp",
     "shape",
@@ -76,6 +77,11 @@ def shape(kind: str, movable: bool) -> int:
     """Of a thing in the arena."""
     known = {"lamp": LAMP, "base": BASE, "flame": FLAME, "mover": MOVER}
     return known.get(kind, MOVABLE if movable else WALL)
+
+
+def other(number: int) -> int:
+    """Of another robot, counted from 0."""
+    return PALETTE[number % len(PALETTE)]
 
 
 def faded(colour: int, alpha: float) -> int:

@@ -19,7 +19,7 @@ from khepera_hil.recording import Value
 from khepera_hil.viewer import colours
 from khepera_hil.viewer.beliefs import HISTORY, MANY, PACE, Panel, panels
 from khepera_hil.viewer.eye import PATH, camera_of
-from khepera_hil.viewer.scene import TRAIL
+from khepera_hil.viewer.scene import trails
 from khepera_hil.viewer.states import SERVICE, is_word, states
 
 __all__ = ["about", "layout"]
@@ -83,7 +83,7 @@ def _space(manifest: Mapping[str, Any]) -> rrb.Spatial2DView:
         name=f"Arena {world.get('name', '')}, {width:g} m x {height:g} m: rays = proximity (red), light (yellow)",
         visual_bounds=rrb.VisualBounds2D(x_range=[-margin, width + margin], y_range=[-height - margin, margin]),
         background=GROUND,
-        overrides={TRAIL: trail},
+        overrides=dict.fromkeys(trails(manifest), trail),
     )
 
 

@@ -20,7 +20,7 @@ from khepera_hil.recording import Pose, Tick
 from khepera_hil.viewer import colours
 from khepera_hil.viewer.columns import Columns, Lane, Stamp
 
-__all__ = ["TRAIL", "Scene", "hatching", "readings"]
+__all__ = ["TRAIL", "Scene", "hatching", "readings", "trails"]
 
 TRAIL = "/world/trail"
 
@@ -47,6 +47,21 @@ DARK = 500
 """About what the light sensors answer in the dark; less is brighter (paper, section 4.1)."""
 
 
+def trails(manifest: Mapping[str, Any]) -> list[str]:
+    """The entities of the trails: the robot's own, then those of other robots in the same arena."""
+    shapes = (manifest.get("world") or {}).get("shapes", ())
+    return [TRAIL, *(_trail(str(shape["name"])) for shape in shapes if _is_another(shape))]
+
+
+def _is_another(shape: Mapping[str, Any]) -> bool:
+    """Whether it is a robot, and not the one whose run this is."""
+    return bool(shape["kind"] == "robot" and shape["name"] != "robot")
+
+
+def _trail(name: str) -> str:
+    return f"/world/trails/{rr.escape_entity_path_part(name)}"
+
+
 def readings(tick: Tick, letter: str) -> NDArray[np.float64] | None:
     """The eight numbers of the robot's answer to ``letter``, or None when it gave no whole answer."""
     words = tick.raw.get(letter, "").strip().split(",")[1:]
@@ -65,17 +80,14 @@ class Scene:
             "robot": Lane("/world/robot", _poses),
             "proximity": Lane("/world/robot/proximity", _rays),
             "light": Lane("/world/robot/light", _rays),
-            "trail": Lane(TRAIL, lambda rows: rr.Points2D.columns(positions=np.array(rows))),
+            "trail": Lane(TRAIL, _points),
         }
         _log(stream, "/world", rr.Transform3D(scale=[1, -1, 1]))
-        _robot(stream)
-        # The trail's look, once; its points come tick by tick.
-        _log(
-            stream,
-            TRAIL,
-            rr.Points2D.from_fields(radii=[0.003], colors=colours.packed(colours.faded(colours.ROBOT, 0.6))),
-        )
+        _robot(stream, "/world/robot", colours.ROBOT)
+        _rays_of(stream)
+        _trail_of(stream, TRAIL, colours.ROBOT)
         self._movable: dict[str, Lane] = {}
+        self._others: dict[str, Lane] = {}
         self._first: dict[str, Pose] = {}
         world = manifest.get("world")
         if world:
@@ -85,6 +97,8 @@ class Scene:
 
     def _shape(self, stream: rr.RecordingStream, shape: Mapping[str, Any]) -> None:
         name, kind = str(shape["name"]), str(shape["kind"])
+        if _is_another(shape):
+            self._another(stream, shape)
         if kind == "robot":
             return
         path = "/world/" + "/".join(rr.escape_entity_path_part(part) for part in (kind, name))
@@ -125,6 +139,20 @@ class Scene:
             name_only = rr.Points2D(at, radii=0.0, colors=colours.packed(colour), labels=["base"], show_labels=True)
             _log(stream, f"{path}/name", name_only)
 
+    def _another(self, stream: rr.RecordingStream, shape: Mapping[str, Any]) -> None:
+        """Another robot: its body, its name and its trail; what it reads, nobody here knows."""
+        name = str(shape["name"])
+        path, colour = f"/world/robots/{rr.escape_entity_path_part(name)}", colours.other(len(self._others))
+        self.lanes[name] = self._movable[name] = Lane(path, _poses)
+        self.lanes[f"trail {name}"] = self._others[name] = Lane(_trail(name), _points)
+        x, y, theta = shape["pose"]
+        self._first[name] = (x, y, theta)
+        _robot(stream, path, colour)
+        # A label has its point's colour, and the disc's is the ground's.
+        named = rr.Points2D([[0, 0]], radii=0.0, colors=colours.packed(colour), labels=[name], show_labels=True)
+        _log(stream, f"{path}/name", named)
+        _trail_of(stream, _trail(name), colour)
+
     def write(self, tick: Tick, stamp: Stamp) -> None:
         """Keep one tick's rows."""
         if tick.pose is not None:
@@ -138,27 +166,38 @@ class Scene:
             lane = self._movable.get(name)
             if lane is not None:
                 lane.add(stamp, pose)
+            if name in self._others:
+                self._others[name].add(stamp, pose[:2])
 
 
-def _robot(stream: rr.RecordingStream) -> None:
+def _trail_of(stream: rr.RecordingStream, path: str, colour: int) -> None:
+    """The trail's look, once; its points come tick by tick."""
+    look = rr.Points2D.from_fields(radii=[0.003], colors=colours.packed(colours.faded(colour, 0.6)))
+    _log(stream, path, look)
+
+
+def _robot(stream: rr.RecordingStream, path: str, colour: int) -> None:
     turn = np.linspace(0, 2 * np.pi, 49)
     rim = RADIUS * np.column_stack([np.cos(turn), np.sin(turn)])
     wheels = [[[-0.0075, y], [0.0075, y]] for y in (0.0265, -0.0265)]
     _log(
         stream,
-        "/world/robot/body",
+        f"{path}/body",
         rr.LineStrips2D(
             [rim, *wheels, [[0.008, 0], [RADIUS, 0]]],
             radii=[0.0014, 0.0024, 0.0024, 0.0022],
-            colors=colours.packed(colours.ROBOT, colours.LEFT, colours.RIGHT, colours.ROBOT),
+            colors=colours.packed(colour, colours.LEFT, colours.RIGHT, colour),
             draw_order=50.0,
         ),
     )
     _log(
         stream,
-        "/world/robot/disc",
+        f"{path}/disc",
         rr.Points2D([[0, 0]], radii=RADIUS, colors=colours.packed(0x2B3340FF), draw_order=40.0),
     )
+
+
+def _rays_of(stream: rr.RecordingStream) -> None:
     for kind, colour, width in (("light", colours.LAMP, 0.0012), ("proximity", colours.DRAWN, 0.0024)):
         _log(
             stream,
@@ -201,6 +240,10 @@ def _poses(rows: list[Pose]) -> Columns:
         translation=np.column_stack([x, y, zero]),
         quaternion=np.column_stack([zero, zero, np.sin(theta / 2), np.cos(theta / 2)]),
     )
+
+
+def _points(rows: list[tuple[float, float]]) -> Columns:
+    return rr.Points2D.columns(positions=np.array(rows))
 
 
 def _rays(rows: list[NDArray[np.float64] | None]) -> Columns:

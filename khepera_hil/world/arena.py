@@ -6,9 +6,10 @@ import math
 import re
 from dataclasses import dataclass, field, replace
 
+from khepera_hil.errors import WorldError
 from khepera_hil.world.shapes import BODY_RADIUS, Kind, Pose, Shape, box, disc, overlap
 from khepera_hil.world.tables import Range, Table, read_table, shipped
-from khepera_hil.world.things import read_body, read_pose, read_thing
+from khepera_hil.world.things import read_body, read_pose, read_starts, read_thing
 
 __all__ = [
     "Arena",
@@ -23,9 +24,10 @@ __all__ = [
 ]
 
 RESERVED = ("robot", "base")
-"""Names that no thing may have."""
+"""Names that no thing may have, and neither "robot 2" and so on."""
 
 _WALL = 20.0  # mm, thickness of the arena's walls, outside the floor
+_ROBOT = re.compile(r"robot \d+")
 _SCATTERED = re.compile(r"(wall|block|disc) \d+")
 
 _CORNERS = {"south-west": (0, 0), "south-east": (1, 0), "north-east": (1, 1), "north-west": (0, 1)}
@@ -112,6 +114,8 @@ class Arena:
     stage: tuple[float, float] | None = None
     scatter: Scatter | None = None
     start: Start = field(default_factory=Start)
+    starts: tuple[tuple[int, Pose], ...] = ()
+    """Where further robots start, by number: what is not named there starts as ``start`` has it drawn."""
 
     @property
     def base_square(self) -> tuple[float, float, float, float] | None:
@@ -155,9 +159,10 @@ def _arena(name: str, table: Table) -> Arena:
         stage=_stage(table.table("stage"), width, depth),
         scatter=_scatter(table.table("scatter")),
     )
-    arena = replace(arena, start=_start(table.table("start"), arena))
+    arena = replace(arena, start=_start(table.table("start"), arena), starts=read_starts(table, max(width, depth)))
     table.end()
     _check(arena, things, table)
+    check_starts(arena, table.where)
     return arena
 
 
@@ -170,7 +175,7 @@ def _check(arena: Arena, things: list[tuple[Shape, Table]], whole: Table) -> Non
             raise whole.wrong("lamp.name", f"must be new; there is a {lamp.name!r} already")
         names.add(lamp.name)
     for thing, table in things:
-        if thing.name in names:
+        if thing.name in names or _ROBOT.fullmatch(thing.name):
             raise table.wrong("name", f"must be new; there is a {thing.name!r} already")
         names.add(thing.name)
         if arena.scatter is not None and _SCATTERED.fullmatch(thing.name):
@@ -286,6 +291,21 @@ def _start(table: Table | None, arena: Arena) -> Start:
         if (other := in_the_way(arena, start.pose)) is not None:
             raise table.wrong("at_mm", f"must have room for the robot, 57 mm wide, but {other!r} is there")
     return start
+
+
+def check_starts(arena: Arena, where: str) -> None:
+    """Raises WorldError for a further robot's given start that is not on the floor, or not free."""
+    width, depth = arena.size
+    robots = [] if arena.start.pose is None else [disc("robot", "robot", BODY_RADIUS, arena.start.pose, 29.0)]
+    for number, pose in arena.starts:
+        key = f"{where}the start of robot {number}"
+        if not (pose[0] <= width and pose[1] <= depth):
+            raise WorldError(f"{key} is not on the floor of {width:g} x {depth:g} mm")
+        robot = disc(f"robot {number}", "robot", BODY_RADIUS, pose, 29.0)
+        other = in_the_way(arena, pose) or next((other.name for other in robots if overlap(robot, other)), None)
+        if other is not None:
+            raise WorldError(f"{key} has no room for the robot, 57 mm wide, since {other!r} is there")
+        robots.append(robot)
 
 
 def in_the_way(arena: Arena, pose: tuple[float, float, float]) -> str | None:

@@ -9,12 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from khepera_hil.errors import WorldError
-from khepera_hil.world.battery import Battery
 from khepera_hil.world.furnish import Layout
 from khepera_hil.world.lights import Fires, Flame, Flicker, Lamp, Light
 from khepera_hil.world.movers import Walk
 from khepera_hil.world.physics import Physics
-from khepera_hil.world.scanner import Scanner
+from khepera_hil.world.robot import Robot
 from khepera_hil.world.scenario import (
     Agenda,
     BatterySet,
@@ -26,7 +25,6 @@ from khepera_hil.world.scenario import (
     PutDown,
     TakeAway,
 )
-from khepera_hil.world.score import Score
 from khepera_hil.world.shapes import BODY_RADIUS, Pose, Shape, overlap
 
 __all__ = ["PHYSICAL", "Cast", "Director"]
@@ -46,8 +44,10 @@ class Cast:
 
     def __init__(self, layout: Layout, events: Sequence[Event]) -> None:
         self._layout = layout
+        self._robots = len(layout.starts)
         self._lamps = {lamp.name for lamp in layout.lamps}
-        self._taken = self._lamps | {shape.name for shape in layout.shapes} | {"robot", "base"}
+        robots = {"robot", *(f"robot {number + 1}" for number in range(self._robots))}
+        self._taken = self._lamps | {shape.name for shape in layout.shapes} | robots | {"base"}
         self._objects = {shape.name: shape for shape in layout.shapes if shape.movable}
         brought: dict[str, Shape] = {}
         self.flames: dict[str, Fire] = {}
@@ -65,6 +65,9 @@ class Cast:
         self.shelf = self._shelved()
 
     def _checked(self, event: Event, brought: dict[str, Shape]) -> Event:
+        if event.robot > self._robots:
+            there = "the only one here is 1" if self._robots == 1 else f"there are {self._robots} here"
+            raise _wrong(event, "robot", f"must be the number of a robot, and {there}")
         if isinstance(event, Fire):
             self._on_floor(event, "at_mm", [event.place])
             if event.name in self._taken or event.name in brought:
@@ -133,21 +136,18 @@ class Director:
     def __init__(
         self,
         cast: Cast,
-        agenda: Agenda,
         lamps: Sequence[Lamp],
         chance: np.random.SeedSequence,
         step: float,
         *,
         physics: Physics,
-        scanner: Scanner,
-        battery: Battery,
-        score: Score,
+        robots: Sequence[Robot],
     ) -> None:
         self.lights = tuple(Light(lamp) for lamp in lamps)
         """All that shines now; another tuple when something has changed."""
         self._fires = Fires()
-        self._cast, self._agenda, self._step = cast, agenda, step
-        self._physics, self._scanner, self._battery, self._score = physics, scanner, battery, score
+        self._cast, self._agenda, self._step = cast, Agenda(cast.events), step
+        self._physics, self._robots = physics, robots
         self._flickers = chance
         self._lamps = {lamp.name: lamp for lamp in lamps}
         self._waiting: list[PutDown | Mover] = []
@@ -159,8 +159,8 @@ class Director:
         self.next: float = 0.0
         self._look_ahead()
 
-    def step(self, now: float, step: int, pose: Pose, turbine: bool) -> None:
-        """All that happens at the end of step ``step``, at ``now`` s, where the robot is at ``pose``."""
+    def step(self, now: float, step: int, poses: Sequence[Pose]) -> None:
+        """All that happens at the end of step ``step``, at ``now`` s, where the robots are at ``poses``."""
         for event in self._agenda.due(now + 1e-9, *PHYSICAL):
             self._happen(event, now, step)
         if self._waiting:
@@ -168,7 +168,7 @@ class Director:
         for name, number in list(self.walking.items()):
             self._walk(name, number)
         if self._fires.burning:
-            self._burn(now, pose, turbine)
+            self._burn(now, poses)
         self._look_ahead()
 
     def flames(self) -> dict[str, Pose]:
@@ -186,9 +186,9 @@ class Director:
 
     def _happen(self, event: Event, now: float, step: int) -> None:
         if isinstance(event, BatterySet):
-            self._battery.charge = event.charge
+            self._robots[event.robot - 1].battery.charge = event.charge
         elif isinstance(event, Broken):
-            self._scanner.break_sensor(event.sensor, event.of, event.reads)
+            self._robots[event.robot - 1].scanner.break_sensor(event.sensor, event.of, event.reads)
         elif isinstance(event, LampSet):
             lamp = self._lamps[event.name] = replace(self._lamps[event.name], intensity=event.intensity)
             self._shine({event.name}, Light(lamp))
@@ -210,20 +210,23 @@ class Director:
         self._fires.burning.append(Flame(light, event.real, now, event.at + event.lasts))
         self._shine({event.name}, light)
         if event.real:
-            self._score.lit(event.name, now)
+            for robot in self._robots:
+                robot.score.lit(event.name, now)
 
-    def _burn(self, now: float, pose: Pose, turbine: bool) -> None:
+    def _burn(self, now: float, poses: Sequence[Pose]) -> None:
         gone = {flame.light.lamp.name for flame in self._fires.burning if flame.ends <= now + 1e-9}
         self._extinguish(gone)
-        if turbine:
-            for flame in self._fires.blow(self._step, pose, BODY_RADIUS):
-                self._shine({flame.light.lamp.name})
-                self._score.put_out(flame.light.lamp.name, now)
+        for robot, pose in zip(self._robots, poses, strict=True):
+            if robot.turbine:
+                for flame in self._fires.blow(self._step, pose, BODY_RADIUS):
+                    robot.score.put_out(flame.light.lamp.name, now)
+                    self._extinguish({flame.light.lamp.name})
 
     def _extinguish(self, names: set[str]) -> None:
         self._fires.burning = [flame for flame in self._fires.burning if flame.light.lamp.name not in names]
-        for name in names:
-            self._score.burned_down(name)
+        for robot in self._robots:
+            for name in names:
+                robot.score.burned_down(name)
         self._shine(names)
 
     def _shine(self, names: set[str], *lights: Light) -> None:
@@ -241,9 +244,11 @@ class Director:
         if isinstance(event, Mover):
             self._walks[number] = Walk(event.path, event.speed, event.rounds)
             self.walking[event.shape.name] = number
-            self._score.entered()
+            for robot in self._robots:
+                robot.score.entered()
         else:
-            self._score.put(event.name, pose[:2])
+            for robot in self._robots:
+                robot.score.put(event.name, pose[:2])
         return True
 
     def _walk(self, name: str, number: int) -> None:
@@ -259,7 +264,8 @@ class Director:
         place = self._physics.place(number)
         if place is not None:
             self._physics.take(number)
-            self._score.taken(name, place[:2])
+            for robot in self._robots:
+                robot.score.taken(name, place[:2])
         self.walking.pop(name, None)
 
 

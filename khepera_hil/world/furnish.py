@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from khepera_hil.world.shapes import BODY_RADIUS, Pose, Shape, box, disc, gap
 __all__ = ["Layout", "furnish"]
 
 _CHOICES, _LAYOUTS, _TRIES, _STARTS = 2000, 60, 250, 20_000
+_MORE_STARTS = 2000  # tries for each further robot
 
 
 @dataclass(frozen=True)
@@ -29,11 +31,18 @@ class Layout:
     shelved: frozenset[str]
     base_walls: frozenset[str]
     lamps: tuple[Lamp, ...]
-    start: Pose
+    starts: tuple[Pose, ...]
+    """Of each robot."""
+
+    @property
+    def start(self) -> Pose:
+        """Of the first robot."""
+        return self.starts[0]
 
 
-def furnish(arena: Arena, things: np.random.Generator, start: np.random.Generator) -> Layout:
-    """Draw what the arena leaves open: furniture and lamps from ``things``, the robot's pose from ``start``.
+def furnish(arena: Arena, things: np.random.Generator, starts: Sequence[np.random.Generator]) -> Layout:
+    """Draw what the arena leaves open: furniture and lamps from ``things``, each robot's pose from its own of
+    ``starts``.
 
     Raises :class:`~khepera_hil.errors.WorldError` when there is no room.
     """
@@ -53,7 +62,7 @@ def furnish(arena: Arena, things: np.random.Generator, start: np.random.Generato
         arena.shelved,
         frozenset(wall.name for wall in recess),
         lamps,
-        _start(arena, list(standing), start),
+        _starts(arena, list(standing), starts),
     )
 
 
@@ -121,19 +130,31 @@ def _choose(plan: Scatter, chance: np.random.Generator) -> list[Shape]:
     return [replace(thing, stripes=plan.stripes) for thing in things]
 
 
-def _start(arena: Arena, shapes: list[Shape], chance: np.random.Generator) -> Pose:
+def _starts(arena: Arena, shapes: list[Shape], chances: Sequence[np.random.Generator]) -> tuple[Pose, ...]:
+    """Those that are given first, so that what is drawn keeps away from them; then in the order of numbers."""
+    given = {number: pose for number, pose in arena.starts if number <= len(chances)}
     if arena.start.pose is not None:
-        return arena.start.pose
+        given[1] = arena.start.pose
+    robots = {number: disc("robot", "robot", BODY_RADIUS, pose, 29.0) for number, pose in given.items()}
+    for number, chance in enumerate(chances, 1):
+        if number not in robots:
+            robots[number] = _drawn(arena, [*shapes, *robots.values()], chance, number)
+    return tuple(robots[number].pose for number in range(1, len(chances) + 1))
+
+
+def _drawn(arena: Arena, shapes: list[Shape], chance: np.random.Generator, number: int) -> Shape:
     base = _base_area(arena)
     inside = shapes[len(arena_walls(arena)) :]
-    for _ in range(_STARTS):
+    for _ in range(_STARTS if number == 1 else _MORE_STARTS):
         x, y = float(chance.uniform(0, arena.size[0])), float(chance.uniform(0, arena.size[1]))
         robot = disc("robot", "robot", BODY_RADIUS, (x, y, float(chance.uniform(-math.pi, math.pi))), 29.0)
         centre = disc("centre", "robot", 0.0, robot.pose, 0.0)
         if _fits(robot, inside, arena.start.clearance, arena.size) and (
             base is None or gap(centre, base) >= arena.start.from_base
         ):
-            return robot.pose
+            return robot
+    if number > 1:
+        raise WorldError(f"the arena {arena.name} has no room for robot {number}; ask for fewer, or less clearance")
     raise WorldError(f"the arena {arena.name} has no place where the robot could start; ask for less clearance")
 
 

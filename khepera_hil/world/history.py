@@ -8,10 +8,16 @@ from typing import NamedTuple
 from khepera_hil.world.lights import Light
 from khepera_hil.world.shapes import Pose
 
-__all__ = ["SCANS_A_STEP", "History", "Moment"]
+__all__ = ["SCAN", "SCANS_A_STEP", "STEP", "History", "Moment", "Time"]
+
+STEP = 0.005
+"""Seconds of one step of physics."""
 
 SCANS_A_STEP = 2
 """One sensor is scanned each 2.5 ms, two in a step of the physics."""
+
+SCAN = STEP / SCANS_A_STEP
+"""Seconds from one sensor's scan to the next one's: 20 ms for all eight (Khepera User Manual 5.02, 3.1.6)."""
 
 SENSORS = 8
 
@@ -22,8 +28,17 @@ _AGES = [
 """For each scan of a turn, how many steps ago each sensor was scanned for the last time."""
 
 
+class Time:
+    """How far the world is, counted from power-up: scans and whole steps of the physics."""
+
+    __slots__ = ("scan", "step")
+
+    def __init__(self) -> None:
+        self.scan = self.step = 0
+
+
 class Moment(NamedTuple):
-    """Where everything is at the end of one step: lengths in mm.
+    """Where everything is at the end of one step, for one robot: lengths in mm.
 
     ``places`` are the movable shapes' (None: not on the floor). A moment never changes, and neither do its parts.
     """

@@ -29,11 +29,11 @@ _CONTACT_ELASTICITY = math.sqrt(0.05)
 _FAR = 400.0  # mm, as far as the robot looks for things
 _MARGIN = 12.0  # mm between the robot and things within which the engine does the work: two steps at 1 m/s
 _STEPS_TO_LOOK = 8
-_LONGEST_WAY = 0.25
+LONGEST_WAY = 0.25
 """mm that the robot goes between two looks of the engine at what touches what: a fast robot's steps are divided,
 since what it enters within one of them it has already sunk into."""
 
-_ROBOT, _COUNTED, _BASE, _MOVER = 1, 2, 3, 4
+ROBOT, _COUNTED, _BASE, _MOVER = 1, 2, 3, 4
 
 
 class Physics:
@@ -57,25 +57,15 @@ class Physics:
         self.touching = self.meeting = 0
         # What lies still for long costs nothing; the robot never sleeps, its joint to a kinematic body keeps it up.
         space.sleep_time_threshold, space.idle_speed_threshold = 0.2, 0.01
-        space.on_collision(_ROBOT, _COUNTED, begin=self._touch, separate=self._part)
-        space.on_collision(_ROBOT, _MOVER, begin=self._meet, separate=self._leave)
+        space.on_collision(ROBOT, _COUNTED, begin=self._touch, separate=self._part)
+        space.on_collision(ROBOT, _MOVER, begin=self._meet, separate=self._leave)
         for shape in shapes:
             if not shape.movable:
                 for solid in self._outlines(shape, space.static_body):
                     solid.collision_type = _BASE if shape.name in base_walls else _COUNTED
                     space.add(solid)
-        self._robot = pymunk.Body(_ROBOT_MASS, 0.5 * _ROBOT_MASS * BODY_RADIUS**2)
-        self._robot.position, self._robot.angle = start[:2], start[2]
-        circle = pymunk.Circle(self._robot, BODY_RADIUS)
-        circle.friction, circle.elasticity = _CONTACT_FRICTION, _CONTACT_ELASTICITY
-        circle.collision_type = _ROBOT
-        circle.filter = pymunk.ShapeFilter(group=1)
+        self._robot, self._wanted = self._drive(start, 1)
         self._others = pymunk.ShapeFilter(group=1)
-        space.add(self._robot, circle)
-        # What the wheels want is the motion of a body without mass or shape; the joints to it slip when
-        # they would need more force than the tyres have.
-        self._wanted = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
-        space.add(*self._hold(self._wanted, self._robot, _GRIP, _GRIP * _GRIP_ARM))
         self.coasts = True
         """Whether the engine is spared while the robot has nothing near; the result is the same."""
         self._pose = start
@@ -93,6 +83,21 @@ class Physics:
             if place not in absent:
                 self.put(number, shapes[place].pose)
         self._places = self._looked()
+
+    def _drive(self, start: Pose, group: int) -> tuple[pymunk.Body, pymunk.Body]:
+        """A robot on the floor, of a group of its own, and the body that moves as its wheels want."""
+        robot = pymunk.Body(_ROBOT_MASS, 0.5 * _ROBOT_MASS * BODY_RADIUS**2)
+        robot.position, robot.angle = start[:2], start[2]
+        circle = pymunk.Circle(robot, BODY_RADIUS)
+        circle.friction, circle.elasticity = _CONTACT_FRICTION, _CONTACT_ELASTICITY
+        circle.collision_type = ROBOT
+        circle.filter = pymunk.ShapeFilter(group=group)
+        self._space.add(robot, circle)
+        # What the wheels want is the motion of a body without mass or shape; the joints to it slip when
+        # they would need more force than the tyres have.
+        wanted = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+        self._space.add(*self._hold(wanted, robot, _GRIP, _GRIP * _GRIP_ARM))
+        return robot, wanted
 
     def _furnish(self, thing: _Body) -> None:
         """Give a movable thing its body: outline, weight, and what it rubs on or is driven by."""
@@ -172,7 +177,7 @@ class Physics:
         x, y, theta = self._pose
         middle = theta + turn * step / 2
         velocity_x, velocity_y = velocity = ahead * math.cos(middle), ahead * math.sin(middle)
-        parts = 1 + int(abs(ahead) * step / _LONGEST_WAY)
+        parts = 1 + int(abs(ahead) * step / LONGEST_WAY)
         if self._room > 0:
             # As the engine does it: the place by the speed of the part before, then the speed.
             old = step / parts

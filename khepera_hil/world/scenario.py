@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from khepera_hil.world.shapes import Shape
+from khepera_hil.world.shapes import Pose, Shape
 from khepera_hil.world.tables import Table, read_table, shipped
-from khepera_hil.world.things import read_body
+from khepera_hil.world.things import MOST_ROBOTS, read_body, read_starts
 
 __all__ = [
     "Agenda",
@@ -46,10 +46,14 @@ _FLOOR = 5000.0  # mm, as wide as an arena may be
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happens ``at`` a moment, seconds since power-up; ``where`` a file says so."""
+    """Something that happens ``at`` a moment, seconds since power-up; ``where`` a file says so.
+
+    ``robot`` is the number of the robot that it concerns, if it concerns one.
+    """
 
     at: float
     where: str = field(default="", kw_only=True, compare=False)
+    robot: int = field(default=1, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -155,12 +159,17 @@ class LampSet(Event):
     intensity: float
 
 
+OF_A_ROBOT = (BatterySet, Broken, LinkFault, Order, Reset)
+"""Events that concern one robot: the first, where nothing else is said."""
+
+
 @dataclass(frozen=True)
 class Scenario:
     """What happens, in the order of time.
 
     ``world`` is the arena that it was made for, if any; the battery is so many times faster by ``compression``.
-    ``start`` is where the robot starts (mm, radians counter-clockwise), in place of what the arena says.
+    ``start`` is where the robot starts (mm, radians counter-clockwise), in place of what the arena says, and
+    ``starts`` where further robots do, by number.
     """
 
     name: str
@@ -169,6 +178,7 @@ class Scenario:
     world: str | None = None
     compression: float = 1.0
     start: tuple[float, float, float] | None = None
+    starts: tuple[tuple[int, Pose], ...] = ()
 
 
 E_co = TypeVar("E_co", bound=Event)
@@ -216,6 +226,7 @@ def load_scenario(name: str) -> Scenario:
         world=table.text("world", "") or None,
         compression=table.number("battery_compression", 0.01, 1000, 1.0),
         start=_start(table.table("start")),
+        starts=read_starts(table, _FLOOR),
         events=tuple(sorted(map(_event, table.tables("event")), key=lambda event: event.at)),
     )
     table.end()
@@ -234,8 +245,9 @@ def _start(table: Table | None) -> tuple[float, float, float] | None:
 def _event(table: Table) -> Event:
     at = table.number("at_s", 0, _LONGEST)
     event = _READERS[table.word("kind", tuple(_READERS))](table, at)
+    robot = table.whole("robot", 1, MOST_ROBOTS, 1) if isinstance(event, OF_A_ROBOT) else 1
     table.end()
-    return replace(event, where=table.where)
+    return replace(event, where=table.where, robot=robot)
 
 
 def _order(table: Table, at: float) -> Event:

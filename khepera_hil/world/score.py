@@ -26,11 +26,17 @@ class Score:
 
     ``base`` is the base's square (x0, y0, x1, y1) and ``lamp`` the foot of the homing lamp, if there are any. A
     contact is a time in which the robot touches anything but the base's walls and movers, which walk into it by
-    themselves, while its centre is outside the base; touches that are at most 50 ms apart are one contact.
+    themselves, while its centre is outside the base; touches that are at most 50 ms apart are one contact. Other
+    robots are told apart, and only where there are any (``company``).
     """
 
     def __init__(
-        self, start: Place, base: tuple[float, float, float, float] | None, lamp: Place | None = None
+        self,
+        start: Place,
+        base: tuple[float, float, float, float] | None,
+        lamp: Place | None = None,
+        *,
+        company: bool = False,
     ) -> None:
         self.inside = False
         """Whether the robot's centre is in the base's square."""
@@ -54,6 +60,10 @@ class Score:
         self._in_view = 0.0
         self._last_seen = -math.inf
         self._alarms = self._false_alarms = 0
+        self._company = company
+        self._meetings = 0
+        self._last_met = -math.inf
+        self._met_for = 0.0
         self._reach(0.0)
 
     def step(self, now: float, step: float, place: Place, touching: bool) -> None:
@@ -73,6 +83,12 @@ class Score:
         self._longest = max(self._longest, lasted)
         if lasted > _LONG + _EPSILON >= before:
             self._long_ones += 1
+
+    def met(self, now: float, step: float) -> None:
+        """The robot has touched another one in the ``step`` seconds before ``now``."""
+        self._meetings += now - step - self._last_met > _MERGED + _EPSILON
+        self._met_for += step
+        self._last_met = now
 
     def put(self, name: str, place: Place) -> None:
         """A movable thing was put there, by whoever furnished the arena or by hand."""
@@ -145,8 +161,8 @@ class Score:
         movers_entered
             how many times a mover entered;
         movers_seen
-            how many different movers were in view: their middle within the camera's 36 degrees, higher than its
-            40 mm, and nothing of that height in between;
+            how many different movers, other robots among them while they go, were in view: their middle within the
+            camera's 36 degrees, higher than its 40 mm, and nothing of that height in between;
         movers_in_view_s
             for how long a mover was in view, two of them counted twice;
         alarms
@@ -154,7 +170,13 @@ class Score:
         alarms_false
             how many of them while no mover was in view, nor had been within the last second;
         energy_mah
-            the charge that robot, camera, wheels and turbine drew, whoever paid for it.
+            the charge that robot, camera, wheels and turbine drew, whoever paid for it;
+        robots_met, robots_met_s
+            where there are other robots: how many times one was touched, wherever and whoever ran into whom
+            (touches that are at most 50 ms apart are one), and for how long together.
+
+        Fires and moved things are the world's, whichever of several robots was there; but each has put out its
+        own fires.
         """
         shifted = dict(self._shifted)
         for name, place in things:
@@ -180,7 +202,12 @@ class Score:
             "alarms": self._alarms,
             "alarms_false": self._false_alarms,
             "energy_mah": round(used_mah, 6),
-        }
+        } | self._about_robots()
+
+    def _about_robots(self) -> dict[str, float | int | None]:
+        if not self._company:
+            return {}
+        return {"robots_met": self._meetings, "robots_met_s": round(self._met_for, 6)}
 
     def _reach(self, now: float) -> None:
         if self._base is not None:

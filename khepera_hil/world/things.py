@@ -9,7 +9,10 @@ from typing import Any
 from khepera_hil.world.shapes import FLOOR_FRICTION, Kind, Pose, Shape, box, disc
 from khepera_hil.world.tables import Table
 
-__all__ = ["FORMS", "MATERIALS", "read_body", "read_thing"]
+__all__ = ["FORMS", "MATERIALS", "MOST_ROBOTS", "read_body", "read_starts", "read_thing"]
+
+MOST_ROBOTS = 32
+"""In one arena: what one core still moves at the wall's pace, and more than most floors have room for."""
 
 MATERIALS: dict[str, tuple[float, float]] = {
     "white": (1.0, 0.95),
@@ -50,6 +53,19 @@ def read_pose(table: Table, floor: float) -> Pose:
     """Where it stands: ``at_mm`` and ``angle_deg``."""
     x, y = table.numbers("at_mm", 2, 0, floor)
     return x, y, math.radians(table.number("angle_deg", -360, 360, 0.0))
+
+
+def read_starts(table: Table, floor: float) -> tuple[tuple[int, Pose], ...]:
+    """Every ``[[robot]]``: the start of a further robot (mm, radians) by its number; the first's is ``[start]``."""
+    starts: dict[int, Pose] = {}
+    for item in table.tables("robot"):
+        number = item.whole("number", 2, MOST_ROBOTS)
+        if number in starts:
+            raise item.wrong("number", f"must be new; robot {number} has its start already")
+        x, y = item.numbers("at_mm", 2, 0, floor)
+        starts[number] = x, y, math.radians(item.number("heading_deg", -360, 360, 0.0))
+        item.end()
+    return tuple(sorted(starts.items()))
 
 
 def read_body(table: Table, pose: Pose, *, name: str | None = None, kinds: tuple[str, ...] = ()) -> Shape:

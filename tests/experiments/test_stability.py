@@ -17,8 +17,8 @@ from brp.store import save
 from khepera_hil.commands import paper
 from khepera_hil.errors import UsageError
 from khepera_hil.experiments import stability_exact as exact
-from khepera_hil.experiments.campaign import Case, Result
-from khepera_hil.experiments.stability import experiment, trial
+from khepera_hil.experiments.cases import Case, Result
+from khepera_hil.experiments.stability import experiment
 from khepera_hil.experiments.stability_design import Design, signs_of
 from khepera_hil.experiments.stability_effects import OUTCOMES, Nights
 from khepera_hil.experiments.stability_tables import (
@@ -31,6 +31,7 @@ from khepera_hil.experiments.stability_tables import (
     perturbed,
     zeros,
 )
+from khepera_hil.experiments.stability_trial import trial
 from khepera_hil.experiments.tabled_night import met, nightly
 
 

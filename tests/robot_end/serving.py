@@ -46,7 +46,7 @@ def served(kind: str, folder: Path, baud: int = 38400, world: World | None = Non
             endpoint = stack.enter_context(pseudo_terminal(folder / "khepera", baud))
         else:
             endpoint = stack.enter_context(tcp_port("127.0.0.1", 0))
-        thread = threading.Thread(target=lambda: ends.put(serve(endpoint, robot, stop=stop)))
+        thread = threading.Thread(target=lambda: ends.put(serve([(endpoint, robot)], stop=stop)))
         thread.start()
         try:
             yield Served(endpoint.name, endpoint, robot)

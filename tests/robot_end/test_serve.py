@@ -251,7 +251,7 @@ def test_a_server_that_was_stopped_for_an_hour_has_no_hour_to_catch_up_with(tmp_
     robot = Emulator(World("empty"), 38400)
     ended: list[float] = []
     with pseudo_terminal(tmp_path / "khepera", 38400) as endpoint:
-        thread = threading.Thread(target=lambda: ended.append(serve(endpoint, robot, stop=stop, clock=clock)))
+        thread = threading.Thread(target=lambda: ended.append(serve([(endpoint, robot)], stop=stop, clock=clock)))
         thread.start()
         with ManualClient(endpoint.name) as client:
             client.settle()

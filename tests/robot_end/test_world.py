@@ -301,7 +301,7 @@ def test_whatever_is_pushed_about_sinks_into_nothing(seed: int) -> None:
     for _ in range(60):
         ahead, turn = chance.uniform(40, 250), chance.uniform(-60, 60)
         world.set_speed(ahead - turn, ahead + turn)
-        world.advance(world._steps * 0.005 + 0.5)
+        world.advance(world._time.step * 0.005 + 0.5)
         for name, (x, y, theta) in world.poses().items():
             pose = (1000 * x, 1000 * y, theta)
             shapes[name] = (
