@@ -1,9 +1,10 @@
-"""Keys at the terminal as orders to the running service: v, i and q, as they are pressed."""
+"""Keys at the terminal as orders to the running service, as they are pressed: v, i, q, and digits for behaviors."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import re
 import select
 import termios
 import tty
@@ -12,10 +13,29 @@ from typing import Any, TextIO
 
 from khepera_hil.orders import Order
 
-__all__ = ["HELP", "KEYS", "Keys", "foreground"]
+__all__ = ["HELP", "KEYS", "LABELS", "Keys", "foreground"]
 
-KEYS = {"v": "vigil", "i": "identify", "q": "stop"}
+KEYS = {
+    "v": "vigil",
+    "i": "identify",
+    "q": "stop",
+    "1": "behavior idle",
+    "2": "behavior patrol",
+    "3": "behavior recognition",
+    "4": "behavior fire-intervention",
+    "5": "behavior homing",
+    "6": "behavior recharge",
+    "0": "behavior free",
+}
 HELP = "keys: v vigil on or off, i identify an object, q end"
+LABELS = "1 idle, 2 patrol, 3 recognition, 4 fire-intervention, 5 homing, 6 recharge, 0 as the robot decides"
+"""What more there is when the program takes the operator's word for Behavior."""
+
+
+_SEQUENCE = re.compile(r"\x1b[\[O][0-9;]{0,16}[@-~]")
+_HALF = re.compile(r"\x1b[\[O][0-9;]{0,16}$")
+"""An arrow or a function key is several characters, digits among them, and none of ours; it may come in halves. The
+escape key itself is one, and what follows it counts."""
 
 
 def foreground(stream: TextIO) -> bool:
@@ -35,6 +55,7 @@ class Keys:
     def __init__(self, descriptor: int, say: Callable[[str, str], None]) -> None:
         self._descriptor: int | None = descriptor
         self._say = say
+        self._half = ""
         self._before: list[Any] = termios.tcgetattr(descriptor)
         tty.setcbreak(descriptor, termios.TCSANOW)
 
@@ -52,7 +73,10 @@ class Keys:
             pressed = b""
         if not pressed:
             self._descriptor = None
-        return [Order(KEYS[key], self._answered) for key in pressed.decode("latin-1").lower() if key in KEYS]
+        text = _SEQUENCE.sub("", self._half + pressed.decode("latin-1"))
+        half = _HALF.search(text)
+        text, self._half = (text, "") if half is None else (text[: half.start()], half[0])
+        return [Order(KEYS[key], self._answered) for key in text.lower() if key in KEYS]
 
     def close(self) -> None:
         """Make the terminal what it was."""

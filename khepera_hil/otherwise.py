@@ -114,7 +114,8 @@ def with_questions(run: Run, questions: Mapping[str, Question], learning: Learni
             if key in questions and key in tick.answers:
                 question = questions[key]
                 drawn = redrawn(question, tick.answers[key].p, u)
-                other.draws |= {key: drawn[question.searched[0].name]} if len(drawn) == 1 else drawn
+                alone = len(drawn) == 1 and key in tick.draws
+                other.draws |= {key: drawn[question.searched[0].name]} if alone else drawn
         yield other
 
 

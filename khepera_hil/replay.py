@@ -177,7 +177,9 @@ def _compare(
     if asked.key in tick.u:
         asked.draws += 1
         for name, value in redrawn(question, answer.p, tick.u[asked.key]).items():
-            recorded = tick.draws.get(asked.key if len(question.searched) == 1 else name)
+            # By the variable's name, or by the question's key where that is another (P(Move | ...) of a watchman's
+            # memory, when Behavior was drawn before, stands under the key of both).
+            recorded = tick.draws.get(name, tick.draws.get(asked.key))
             if recorded != value:
                 asked.wrong(tick, f"{name} = {value} is drawn, and {recorded} was")
 

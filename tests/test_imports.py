@@ -306,6 +306,8 @@ BRP = [
     "filter",
     "sampling",
     "mrbt",
+    "derivative",
+    "chain",
     "programs",
     "data",
 ]

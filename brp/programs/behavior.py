@@ -29,15 +29,18 @@ fire that goes out while Vigil is false. "A sequence of actions is always produc
 asks again without Behavior_t-1; ``behavior.possible(...)`` says whether it had to.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
-from brp.description import Specification
-from brp.forms import Table, Uniform
+from brp.counts import Laplace
+from brp.description import Description, Specification
+from brp.forms import Form, Table, Uniform
 from brp.question import Question
-from brp.variables import P, Variable
+from brp.variables import P, Term, Variable
 
 __all__ = ["Base", "Behavior", "Behavior_t_1", "Energy", "Fire", "Identify", "Vigil", "behaving", "behavior"]
-__all__ += ["pi_behavior", "steadier"]
+__all__ += ["TABLES", "deciding", "pi_behavior", "pi_behavior_taught", "specified", "steadier"]
 
 # [S9.1]
 Behavior = Variable("Behavior", ("idle", "patrol", "recognition", "fire-intervention", "homing", "recharge"))
@@ -83,38 +86,51 @@ table_7 = [
 ]
 
 
-def specified(table_2: list[list[Any]]) -> Specification:
-    """pi-behavior, with a table 2."""
+TABLES: Mapping[int, Term] = MappingProxyType(
+    {
+        2: P(Behavior | Behavior_t_1),
+        3: P(Vigil | Behavior),
+        4: P(Energy | Behavior),
+        5: P(Base | Behavior),
+        6: P(Fire | Behavior),
+        7: P(Identify | Behavior),
+    }
+)
+"""What each of the paper's tables is about, by its number."""
+
+
+def specified(tables: Mapping[int, Form]) -> Specification:
+    """pi-behavior, with other forms in the places of some of its tables, by their numbers."""
+    printed = {2: table_2, 3: table_3, 4: table_4, 5: table_5, 6: table_6, 7: table_7}
     # [S9.2] at the left; [S9.3] and the tables at the right.
-    return Specification(
-        {
-            P(Behavior_t_1): Uniform(),
-            P(Behavior | Behavior_t_1): Table(table_2),
-            P(Vigil | Behavior): Table(table_3),
-            P(Energy | Behavior): Table(table_4),
-            P(Base | Behavior): Table(table_5),
-            P(Fire | Behavior): Table(table_6),
-            P(Identify | Behavior): Table(table_7),
-        },
-        name="pi-behavior",
-    )
+    forms: dict[Term, Form] = {P(Behavior_t_1): Uniform()}
+    for number, term in TABLES.items():
+        forms[term] = tables.get(number) or Table(printed[number])
+    return Specification(forms, name="pi-behavior")
 
 
-pi_behavior = specified(table_2)
+pi_behavior = specified({})
+
+pi_behavior_taught = specified({number: Laplace() for number in TABLES})
+"""The same decomposition with tables that are learnt (lesson 9: "it is possible to learn these distributions")."""
 
 behaving = (
     pi_behavior.identify()
 )  # "No identification is required, as there are no free parameters in pi-behavior."
 
+
+def deciding(description: Description) -> Question:
+    """E9.1 of a description with these variables; where it is impossible, asked again without Behavior_t-1."""
+    question = description.ask(P(Behavior | Vigil, Energy, Base, Fire, Identify, Behavior_t_1))
+    return question.where_impossible(without=Behavior_t_1)
+
+
 # [E9.1]
-behavior = behaving.ask(P(Behavior | Vigil, Energy, Base, Fire, Identify, Behavior_t_1)).where_impossible(
-    without=Behavior_t_1
-)
+behavior = deciding(behaving)
 
 
 def steadier(stay: float) -> Question:
     """E9.1 with a table 2 whose ``.90`` are ``stay``: a switch, for with the tables as printed patrol and recharge
     swap every 4.6 s while Energy is low (see ``docs/watchman.md``)."""
     rows = [[stay if entry == 0.90 else entry for entry in row] for row in table_2]
-    question = specified(rows).identify().ask(behavior.term)
-    return question.where_impossible(without=Behavior_t_1)
+    return deciding(specified({2: Table(rows)}).identify())

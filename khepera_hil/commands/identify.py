@@ -12,11 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brp import BrpError, Description, P, Specification, Term, Variable
+from brp.counts import Counted
 from brp.gaussian import Taught
+from brp.programs.behavior import pi_behavior_taught
 from brp.programs.home import Dir, H, Prox, Theta1, Vrot
 from brp.programs.obstacle import obstacle
 from brp.programs.phototaxy import pi_phototaxy1
 from brp.store import save
+from khepera_hil.commands.identified import counted, remarks, shown
 from khepera_hil.commands.parser import Parser, existing_name
 from khepera_hil.errors import RecordingError, UsageError
 from khepera_hil.teaching.dataset import data_set, joined, learnt
@@ -24,7 +27,9 @@ from khepera_hil.teaching.hidden import learnt_home, weights
 
 __all__ = ["SPECIFICATIONS", "main"]
 
-SPECIFICATIONS: Mapping[str, Specification] = MappingProxyType({"obstacle": obstacle, "phototaxy": pi_phototaxy1})
+SPECIFICATIONS: Mapping[str, Specification] = MappingProxyType(
+    {"obstacle": obstacle, "phototaxy": pi_phototaxy1, "behavior": pi_behavior_taught}
+)
 """What data can be looked at with, by the command line's name; and ``home``, of which P(H | Prox) is learnt."""
 
 EPILOG = """\
@@ -35,6 +40,12 @@ examples:
   khepera-hil identify obstacle --data delta-push
   khepera-hil identify obstacle --data one.json two.json@0-15 --join both.json --out push.description.json
   khepera-hil --program push --data push.description.json
+  khepera-hil --program watchman --labels        on the emulator or a robot; say by the keys 1 to 6 what it is to do
+  khepera-hil identify behavior --data RUN RUN --labelled --out behavior.description.json
+  khepera-hil --program watchman --data behavior.description.json
+
+behavior: tables 2 to 7 of the paper, by Laplace's rule, so that nothing is impossible by accident; from runs of a
+watchman, by what it drew and what an operator said (--labelled: by his word alone).
 """
 
 
@@ -44,7 +55,9 @@ def main(arguments: Sequence[str]) -> int:
     existing_name("specification", asked.specification, [*SPECIFICATIONS, "home"])
     hidden = asked.specification == "home"
     variables = [Dir, Prox, Theta1, Vrot] if hidden else learnt(SPECIFICATIONS[asked.specification])
-    sets = [data_set(source, variables) for source in asked.data]
+    if asked.labelled and asked.specification != "behavior":
+        raise UsageError(f"--labelled is about behavior, not {asked.specification}: only Behavior is labelled")
+    sets = [data_set(source, variables, labelled=asked.labelled) for source in asked.data]
     data = joined(sets, asked.name)
     try:
         if hidden:
@@ -60,8 +73,14 @@ def main(arguments: Sequence[str]) -> int:
     found: dict[str, Any] = {}
     if hidden:
         found[str(P(H | Prox))] = _weights(description, data.columns["Prox"])
+    behaviors = asked.specification == "behavior"
+    if behaviors:
+        print("\n".join(remarks(data.columns)))
     for term in description.specification.free:
         form = description[term]
+        if behaviors and isinstance(form, Counted):
+            found[str(term)] = counted(term, form)
+            print("\n".join(shown(term, form)))
         if isinstance(form, Taught):
             found[str(term)] = _learnt(term, form)
             _show(term, form)
@@ -152,6 +171,7 @@ def _parser() -> Parser:
     add = parser.add_argument
     add("specification", metavar="SPECIFICATION", help=", ".join([*SPECIFICATIONS, "home"]))
     add("--data", nargs="+", required=True, metavar="DATA", help="where the data are")
+    add("--labelled", action="store_true", help="behavior: only the ticks in which an operator said what it is")
     add("--name", help="of the data set (default: the first one's)")
     add("--out", type=Path, metavar="FILE", help="save the description")
     add("--join", type=Path, metavar="FILE", help="save the data as one data set")

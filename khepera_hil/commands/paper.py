@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
+from khepera_hil.commands.beside import BESIDE, add_beside
 from khepera_hil.commands.parser import Parser, existing_name, number
 from khepera_hil.commands.plan_file import planned, saved
 from khepera_hil.errors import UsageError
@@ -33,6 +34,8 @@ examples:
   khepera-hil paper --list
   khepera-hil paper push avoid --seeds 20
   khepera-hil paper all --seeds 100 --json
+  khepera-hil paper stability --seeds 12 --amount 1
+  khepera-hil paper learnt --data behavior.description.json --seeds 20
   khepera-hil paper watchman --hours 30 --days 3 --seeds 100 --save-plan fair.toml
   khepera-hil paper --plan fair.toml
   khepera-hil paper --plan fair.toml --scheduler tcp://HOST:8786
@@ -48,12 +51,16 @@ def main(arguments: Sequence[str]) -> int:
     if asked.list:
         for experiment in EXPERIMENTS.values():
             print(f"  {experiment.name:11} {experiment.about} (section {experiment.section})")
+        print("beside these, and not among all:")
+        for name, (about, _) in BESIDE.items():
+            print(f"  {name:11} {about}")
         return 0
     names = list(EXPERIMENTS) if asked.names == ["all"] else list(dict.fromkeys(asked.names))
     if not names:
         raise UsageError("say which experiment, or all, or --plan FILE; khepera-hil paper --list has them")
     for name in names:
-        existing_name("experiment", name, list(EXPERIMENTS))
+        existing_name("experiment", name, [*EXPERIMENTS, *BESIDE])
+    beside = {name: BESIDE[name][1](asked) for name in names if name in BESIDE}
     if asked.save_plan is not None:
         saved(parser, asked, asked.save_plan)
         print(f"the plan is in {asked.save_plan}: khepera-hil paper --plan {asked.save_plan}")
@@ -62,7 +69,7 @@ def main(arguments: Sequence[str]) -> int:
     found: dict[str, Any] = {}
     try:
         for name in names:
-            experiment = EXPERIMENTS[name]
+            experiment = beside[name] if name in beside else EXPERIMENTS[name]
             if name == "watchman" and (asked.hours or asked.nights is not None):
                 experiment = watchman.experiment(asked.hours, asked.nights or 0, asked.record, asked.days)
             found[name] = _one(experiment, seeds, asked)
@@ -156,6 +163,7 @@ def _parser() -> Parser:
     add("--no-show", action="store_true", help="figures only, no pictures and recordings")
     add("--markdown", action="store_true", help="the figures as tables in Markdown")
     add("--json", action="store_true", help="all figures as one JSON object; the rest goes to standard error")
+    add_beside(parser)
     return parser
 
 

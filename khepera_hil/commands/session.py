@@ -25,7 +25,7 @@ from khepera_hil.controllers import Controller
 from khepera_hil.errors import NoAnswer, UsageError
 from khepera_hil.follower import Follower
 from khepera_hil.guarding import Guarding, Process, Unguarded, limit
-from khepera_hil.keys import HELP, Keys, foreground
+from khepera_hil.keys import HELP, LABELS, Keys, foreground
 from khepera_hil.khepera import Khepera
 from khepera_hil.link import Link
 from khepera_hil.opening import Port, close_port, descriptor, open_port, reopen
@@ -191,7 +191,8 @@ def _run(
         if sys.stdout is not None:  # nobody looks where it was closed
             sys.stdout.flush()
             recording.follow(Follower(Terminal(sys.stdout, asked.program, note=note), name=TERMINAL, waits=False))
-        with _orders(recording.folder, clock, service) as orders:
+        labels = getattr(asked, "labels", False)
+        with _orders(recording.folder, clock, service, labels=labels) as orders:
             between.manager.ready(f"{asked.program} on {asked.port}")
             between.collector.begin()
             try:
@@ -219,8 +220,9 @@ def _following(
 
 
 @contextmanager
-def _orders(folder: Path, clock: Clock, service: Service) -> Iterator[list[Orders]]:
-    """The operator's socket and keys; none in simulated time, which must repeat."""
+def _orders(folder: Path, clock: Clock, service: Service, *, labels: bool) -> Iterator[list[Orders]]:
+    """The operator's socket and keys; none in simulated time, which must repeat. ``labels``: the program takes
+    his word for Behavior."""
     sources: list[Orders] = []
     with ExitStack() as stack:
         if not clock.simulated:
@@ -231,7 +233,7 @@ def _orders(folder: Path, clock: Clock, service: Service) -> Iterator[list[Order
                 service.remark("warning", f"no orders will be taken: {folder} holds no socket ({why})")
             if service.commanded and sys.stdin is not None and foreground(sys.stdin):
                 sources.append(stack.enter_context(closing(Keys(sys.stdin.fileno(), service.remark))))
-                service.remark("info", HELP)
+                service.remark("info", f"{HELP}; {LABELS}" if labels else HELP)
         yield sources
 
 

@@ -21,7 +21,7 @@ __all__ = ["add_setting", "setting_in", "setting_of", "told"]
 
 
 def add_setting(parser: argparse.ArgumentParser) -> None:
-    """The options ``--unknown`` and ``--data``."""
+    """The options ``--unknown``, ``--data`` and those of single programs."""
     parser.add_argument(
         "--unknown",
         action="append",
@@ -64,6 +64,11 @@ def add_setting(parser: argparse.ArgumentParser) -> None:
         metavar="P",
         help="watchman: the diagonal of table 2 where the paper prints .90; .999 swaps behaviors less often",
     )
+    parser.add_argument(
+        "--labels",
+        action="store_true",
+        help="watchman: take the operator's word for Behavior, by the keys 1 to 6 (0: none) or by orders",
+    )
 
 
 def _early(text: str) -> tuple[str, ...]:
@@ -85,8 +90,20 @@ def setting_of(asked: argparse.Namespace) -> Setting:
             raise UsageError(f"--unknown {name}: the question of {asked.program} knows {knows}")
     if len(set(asked.unknown)) == len(program.known) and asked.unknown:
         raise UsageError(f"--unknown leaves {asked.program} with nothing that it knows; leave one variable out")
-    if asked.program != "watchman" and (asked.decide or asked.memory != "drawn" or asked.stay != USUAL.stay):
-        raise UsageError(f"--decide, --memory and --stay are about --program watchman, not {asked.program}")
+    own = asked.decide or asked.memory != "drawn" or asked.stay != USUAL.stay or asked.labels
+    if asked.program != "watchman" and own:
+        raise UsageError(
+            f"--decide, --memory, --stay and --labels are about --program watchman, not {asked.program}"
+        )
+    if asked.program == "watchman" and asked.data is not None:
+        if asked.memory == "whole":
+            raise UsageError("--memory whole goes by the tables as printed, so --data does not go with it")
+        if asked.stay != USUAL.stay:
+            raise UsageError(
+                "--stay changes the tables as printed, so it does not go with --data, which replaces them"
+            )
+    if asked.labels and asked.memory == "whole":
+        raise UsageError("--memory whole remembers no single Behavior, so --labels does not go with it")
     if asked.decide and asked.memory == "whole":
         raise UsageError("--memory whole draws nothing but the motors, so --decide does not go with it")
     if asked.stay != USUAL.stay and asked.memory == "whole":
@@ -99,7 +116,7 @@ def setting_of(asked: argparse.Namespace) -> Setting:
     met = () if asked.knowledge is None else read_knowledge(asked.knowledge)
     calibration = None if asked.calibration is None else str(asked.calibration)
     made = _made(program, asked.unknown, asked.data, calibration)
-    return replace(made, met=met, early=asked.decide, memory=asked.memory, stay=asked.stay)
+    return replace(made, met=met, early=asked.decide, memory=asked.memory, stay=asked.stay, labels=asked.labels)
 
 
 def told(asked: argparse.Namespace, setting: Setting) -> dict[str, Any]:
@@ -112,6 +129,8 @@ def told(asked: argparse.Namespace, setting: Setting) -> dict[str, Any]:
         told["met"] = [dict(row) for row in setting.met]
     if asked.program == "watchman":
         told |= {"decide": list(asked.decide), "memory": asked.memory, "stay": asked.stay}
+        if asked.labels:
+            told["labels"] = True
     return told
 
 
@@ -123,6 +142,7 @@ def setting_in(manifest: Mapping[str, Any], program: Program) -> Setting:
     unknown, data, calibration = told.get("unknown", []), told.get("data"), told.get("calibration")
     met = told.get("met", [])
     early, memory, stay = told.get("decide", []), told.get("memory", USUAL.memory), told.get("stay", USUAL.stay)
+    labels = told.get("labels", False)
     if (
         not isinstance(unknown, list)
         or not all(name in program.known for name in unknown)
@@ -135,10 +155,11 @@ def setting_in(manifest: Mapping[str, Any], program: Program) -> Setting:
         or memory not in ("drawn", "whole")
         or not isinstance(stay, float)
         or not 0.5 <= stay < 1
+        or not isinstance(labels, bool)
     ):
         raise UsageError(f"the run's setting is damaged: {told!r:.100}")
     made = _made(program, unknown, data, calibration)
-    return replace(made, met=tuple(met), early=tuple(early), memory=str(memory), stay=stay)
+    return replace(made, met=tuple(met), early=tuple(early), memory=str(memory), stay=stay, labels=labels)
 
 
 def _made(program: Program, unknown: Sequence[str], data: str | None, calibration: str | None) -> Setting:

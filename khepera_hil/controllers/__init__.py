@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from brp.programs.behavior import pi_behavior_taught
 from brp.programs.obstacle import obstacle
 from brp.programs.phototaxy import pi_phototaxy1
 from khepera_hil.controllers import avoid, follow, fusion, home, object, phototaxy, push, watchman
@@ -35,7 +36,9 @@ PROGRAMS: Mapping[str, Program] = MappingProxyType(
         "object": Program(
             "go around objects and recognise them (section 8)", object.controller, _OBSTACLE, obstacle
         ),
-        "watchman": Program("keep watch at night (sections 9 and 10)", watchman.controller),
+        "watchman": Program(
+            "keep watch at night (sections 9 and 10)", watchman.controller, specification=pi_behavior_taught
+        ),
     }
 )
 """In the order of the paper."""

@@ -123,6 +123,9 @@ class Setting:
     """What the watchman carries from tick to tick: what was ``drawn``, or the ``whole`` distribution."""
     stay: float = 0.9
     """The watchman's: what stands on the diagonal of table 2 for the paper's .90."""
+    labels: bool = False
+    """Whether the operator may say what Behavior is, so that it can be learnt from him; it is then drawn before the
+    motors."""
 
 
 USUAL = Setting()

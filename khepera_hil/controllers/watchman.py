@@ -12,16 +12,16 @@ from typing import cast
 
 import numpy as np
 
-from brp import Distribution, Question, Value
+from brp import Distribution, Question, Uniform, Value
 from brp.programs.base import at_base
 from brp.programs.beacon import locate_beacon
-from brp.programs.behavior import behavior, steadier
+from brp.programs.behavior import Behavior, behaving, behavior, deciding, steadier
 from brp.programs.watchman import pi_watchman
 from khepera_hil.controllers.acquaintance import TOUR, Acquaintance
 from khepera_hil.controllers.base import USUAL, VTRANS, Decision, Setting, wheels
 from khepera_hil.controllers.watchman_body import AT_REST, Body
 from khepera_hil.controllers.watchman_memory import Drawn
-from khepera_hil.controllers.watchman_mind import FILLED, MOTORS, Mind, Thought, filled
+from khepera_hil.controllers.watchman_mind import FILLED, MOTORS, Mind, Thought, expecting, filled
 from khepera_hil.controllers.watchman_whole import WholeMind
 from khepera_hil.errors import OrderRefused
 from khepera_hil.perception import LightAhead, Need, Obstacle, Odometry, Readings, Tour
@@ -72,9 +72,16 @@ class Watchman:
         self._body = Body()
         self._objects = Acquaintance()
         self.learning = {"O": self._objects.again}
-        temporal = behavior if setting.stay == USUAL.stay else steadier(setting.stay)
+        if setting.taught is not None:
+            temporal = deciding(setting.taught)
+        else:
+            temporal = behavior if setting.stay == USUAL.stay else steadier(setting.stay)
+        self._expects = expecting(setting.taught or behaving)
         watching = pi_watchman(locate=locate_beacon, behavior=temporal).identify()
-        self._mind = WholeMind() if setting.memory == "whole" else Mind(watching, setting.early)
+        self._labels = setting.labels
+        self._said: dict[str, Value] = {}
+        obeying = pi_watchman(locate=locate_beacon, behavior=Uniform()).identify() if setting.labels else None
+        self._mind = WholeMind() if setting.memory == "whole" else Mind(watching, setting.early, obeying=obeying)
         self._last_tour = {variable.name: 0 for variable in TOUR}
         self._counters: tuple[int, int] | None = None
         self._followed = 0
@@ -86,8 +93,13 @@ class Watchman:
         return {**self._mind.questions, "O": self._objects.question}
 
     def order(self, words: str) -> str:
-        """``vigil on``, ``vigil off``, ``vigil`` (the other way), and the same of ``identify``."""
+        """``vigil on``, ``vigil off``, ``vigil`` (the other way), and the same of ``identify``.
+
+        With labels also ``behavior recharge``, which holds until it is another, or ``behavior free``.
+        """
         name, _, how = words.partition(" ")
+        if name == "behavior":
+            return self._labelled(how)
         if name not in ("vigil", "identify") or how not in ("", "on", "off"):
             raise OrderRefused(f"the watchman takes vigil on|off and identify on|off, not {words!r}")
         now = self.vigil if name == "vigil" else self.identify
@@ -100,12 +112,27 @@ class Watchman:
             self._followed = 0
         return f"{name} is {'on' if wanted else 'off'}"
 
+    def _labelled(self, behavior: str) -> str:
+        """The operator says what Behavior is, from now on."""
+        if not self._labels:
+            raise OrderRefused("this watchman decides by itself what Behavior is: start it with --labels")
+        if behavior == "free":
+            self._said = {}
+            return "Behavior is drawn"
+        if behavior not in Behavior.values:
+            raise OrderRefused(
+                f"behavior is one of {', '.join(map(str, Behavior.values))}, or free, not {behavior!r}"
+            )
+        self._said = {Behavior.name: behavior}
+        return f"Behavior is {behavior}, by your word"
+
     def step(self, readings: Readings, rng: np.random.Generator) -> Decision:
         """Sense, ask, draw, act, remember."""
         events: list[tuple[str, str]] = []
         evidence, clipped = self._sensed(readings, events)
+        evidence |= self._said  # known then, as what is sensed
         thought = self._think(evidence, rng)
-        self._fill(filled(evidence, thought.answers["Base"]), events)
+        self._fill(filled(evidence, thought.answers["Base"], self._expects), events)
         self._memory.keep(thought.behavior, thought.move)
         if evidence["Tour"] == "done":
             thought.answers["O"] = self._recognised(events)
@@ -119,7 +146,7 @@ class Watchman:
     def _think(self, evidence: dict[str, Value], rng: np.random.Generator) -> Thought:
         if isinstance(self._mind, WholeMind):
             return self._mind.think(evidence, rng, arrived=self.fire.arrived)
-        return self._mind.think(evidence, rng)
+        return self._mind.think(evidence, rng, self._said)
 
     def _fill(self, weight: float, events: list[tuple[str, str]]) -> None:
         """An event when impossible rows weigh; at most one a second, with the most that they weighed."""

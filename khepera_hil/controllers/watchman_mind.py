@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from brp.programs.move import Move
 from brp.programs.watchman import Sensory_variables, Vrot, Vtrans
 
 __all__ = ["EARLY", "FILLED", "INTERNAL", "LATE", "MOTORS", "REMEMBERED"]
-__all__ += ["Mind", "Thought", "filled"]
+__all__ += ["Mind", "Thought", "expecting", "filled"]
 
 INTERNAL = (Base, Behavior, Move, Theta2, H)
 """The five internal variables of section 10.2, causes before their effects."""
@@ -40,6 +41,9 @@ REMEMBERED = "Behavior Move"
 
 FILLED = 0.01
 """How much the rows may weigh that pi-behavior excludes and that were filled without Behavior_t-1, unreported."""
+
+
+_NOTHING: Mapping[str, Value] = MappingProxyType({})
 
 
 @dataclass
@@ -63,17 +67,27 @@ class Thought:
 
 
 class Mind:
-    """The questions of a way to decide. ``early`` names the internal variables that are drawn before the motors."""
+    """The questions of a way to decide. ``early`` names the internal variables that are drawn before the motors.
 
-    def __init__(self, watching: Description, early: Sequence[str] = LATE) -> None:
+    ``obeying`` is who watches once somebody has said what Behavior is: pi-watchman with a Behavior that depends on
+    nothing. It has the same answers, and has them also where pi-behavior would never have decided so. With it
+    Behavior is drawn first of all.
+    """
+
+    def __init__(
+        self, watching: Description, early: Sequence[str] = LATE, *, obeying: Description | None = None
+    ) -> None:
         self._early = tuple(v for v in INTERNAL if v.name in early)
+        if obeying is not None:
+            self._early = (Behavior, *(v for v in self._early if v not in (Behavior, Base)))
         self.questions: dict[str, Question] = {}
         """All that is asked in a tick, by key, in the order of asking."""
         drawn: tuple[Variable, ...] = ()
-        for v in INTERNAL:
-            if v in self._early:
-                self._ask(watching, (v,), drawn)
-                drawn = (*drawn, v)
+        for v in self._early:
+            self._ask(watching, (v,), drawn)
+            drawn = (*drawn, v)
+            if v == Behavior and obeying is not None:
+                watching = obeying
         for v in INTERNAL:
             if v not in self._early:
                 self._ask(watching, (v,), drawn)
@@ -85,15 +99,22 @@ class Mind:
             key: tuple((v.keyword, v.name) for v in question.known) for key, question in self.questions.items()
         }
 
-    def think(self, evidence: Mapping[str, Value], rng: np.random.Generator) -> Thought:
+    def think(
+        self, evidence: Mapping[str, Value], rng: np.random.Generator, said: Mapping[str, Value] = _NOTHING
+    ) -> Thought:
         """Ask, draw, and draw what is to be remembered given the drawn motors.
 
-        ``evidence`` has the sensory variables by name. Raises brp's errors when some of it is refused.
+        ``evidence`` has the sensory variables by name, ``said`` the values of what is not to be drawn because
+        somebody has said them. Raises brp's errors when some of the evidence is refused.
         """
         known = dict(evidence)
         thought = Thought()
         for v in self._early:
-            thought.draw(v.name, self._answer(v.name, known), rng)
+            answer = self._answer(v.name, known)
+            if v.name in said:
+                thought.answers[v.name], thought.draws[v.name] = answer, said[v.name]
+            else:
+                thought.draw(v.name, answer, rng)
             known[v.name] = thought.draws[v.name]
         for v in INTERNAL:
             if v not in self._early:
@@ -114,12 +135,19 @@ class Mind:
         self.questions[key or " ".join(v.name for v in of)] = watching.ask(Term(of, (*Sensory_variables, *drawn)))
 
 
-def filled(evidence: Mapping[str, Value], base: Distribution) -> float:
-    """How much of P(Base) lies on rows of pi-behavior that are impossible and were asked without Behavior_t-1."""
+def expecting(description: Description) -> Question:
+    """What pi-behavior lets one expect after each Behavior_t-1; what has probability zero is an impossible row."""
+    return description.ask(P(Vigil, Energy, Fire, Identify, Base | Behavior_t_1))
+
+
+_EXPECTED = expecting(behaving)
+
+
+def filled(evidence: Mapping[str, Value], base: Distribution, expects: Question = _EXPECTED) -> float:
+    """How much of P(Base) lies on rows of pi-behavior that are impossible and were asked without Behavior_t-1.
+
+    ``expects`` is `expecting` of its tables.
+    """
     told = {v: evidence[v.name] for v in (Vigil, Energy, Fire, Identify)}
-    expected = _EXPECTED(Behavior_t_1=evidence[Behavior_t_1.name])
+    expected = expects(Behavior_t_1=evidence[Behavior_t_1.name])
     return sum(base[at] for at in Base.values if expected[(*told.values(), at)] == 0)
-
-
-# What pi-behavior lets one expect after each Behavior_t-1: what has probability zero there is an impossible row.
-_EXPECTED = behaving.ask(P(Vigil, Energy, Fire, Identify, Base | Behavior_t_1))

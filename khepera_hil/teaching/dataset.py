@@ -10,10 +10,12 @@ from typing import Any
 
 from brp import BrpError, Description, Specification, Variable
 from brp.data import names, shipped_file
+from brp.programs.behavior import Base, pi_behavior_taught
 from brp.store import load, load_data, save_data
 from khepera_hil.errors import RecordingError, UsageError
 from khepera_hil.reading import read_manifest, read_ticks
 from khepera_hil.recording import LOG
+from khepera_hil.teaching.behaviors import based, enough, said
 from khepera_hil.teaching.lesson import Tick
 
 __all__ = ["TICK", "DataSet", "data_set", "joined", "learnt", "taught"]
@@ -47,12 +49,14 @@ def learnt(specification: Specification) -> list[Variable]:
     return [variable for variable in specification.variables if variable in needed]
 
 
-def data_set(source: str, variables: Sequence[Variable]) -> DataSet:
+def data_set(source: str, variables: Sequence[Variable], *, labelled: bool = False) -> DataSet:
     """The data of these variables in ``source``.
 
     That is the name of a data set that comes with brp (``delta-push``), a data set's file, or the folder of a
-    recorded run: each of its ticks in which all of the variables were sensed or drawn is a datum. Behind it
-    ``@5-20`` takes the seconds 5 to 20 only, ``@5-`` all from 5 on. Raises UsageError.
+    recorded run: each of its ticks in which all of the variables were sensed or drawn is a datum (of Base, which
+    the watchman sums out, what its readings make more probable). Behind it ``@5-20`` takes the seconds 5 to 20
+    only, ``@5-`` all from 5 on. With ``labelled`` a run's ticks count only if an operator said what Behavior is.
+    Raises UsageError.
     """
     cut = None if Path(source).exists() else _CUT.fullmatch(source)
     if cut is None or cut["first"] is cut["last"] is None:
@@ -65,7 +69,9 @@ def data_set(source: str, variables: Sequence[Variable]) -> DataSet:
         )
     path = Path(whole)
     if path.is_dir():
-        name, columns, times = _of_run(path, variables)
+        name, columns, times = _of_run(path, variables, labelled)
+    elif labelled:
+        raise UsageError(f"{whole} is a data set, which does not tell what was labelled; leave --labelled out")
     else:
         name, columns, times = _of_file(whole, variables, timed=first is not None or last is not None)
     if first is None and last is None:
@@ -95,6 +101,8 @@ def taught(source: str, specification: Specification) -> Description:
         except (BrpError, OSError) as error:
             raise UsageError(f"{source} cannot be used: {error}") from None
     data = data_set(source, learnt(specification))
+    if specification is pi_behavior_taught:
+        enough(data.columns)
     try:
         return specification.identify(dict(data.columns), name=data.name)
     except BrpError as error:
@@ -125,15 +133,21 @@ def _of_file(source: str, variables: Sequence[Variable], *, timed: bool) -> tupl
     return name, columns, [tick * TICK for tick in ticks]
 
 
-def _of_run(folder: Path, variables: Sequence[Variable]) -> tuple[str, dict[str, Any], list[float]]:
+def _of_run(folder: Path, variables: Sequence[Variable], labelled: bool) -> tuple[str, dict[str, Any], list[float]]:
     if not (folder / LOG).exists():
         raise UsageError(f"{folder} is no recorded run: there is no {LOG} in it")
     manifest = read_manifest(folder)
     columns: dict[str, list[Any]] = {v.name: [] for v in variables}
     times: list[float] = []
+    kept = 0
     for row in read_ticks(folder):
         values = {**_object(row.get("evidence")), **_object(row.get("draws"))}
+        if Base in variables and Base.name not in values:
+            values |= based(values)
         if not all(v.name in values for v in variables):
+            continue
+        kept += 1
+        if labelled and not said(_object(row.get("evidence"))):
             continue
         for v in variables:
             try:
@@ -142,6 +156,11 @@ def _of_run(folder: Path, variables: Sequence[Variable]) -> tuple[str, dict[str,
                 raise UsageError(f"{folder}, tick {row['tick']}: {error}") from None
             columns[v.name].append(values[v.name])
         times.append(float(row.get("t", 0.0)))
+    if not times and kept:
+        raise UsageError(
+            f"no tick of {folder} was labelled: run the watchman with --labels, and say by the keys 1 to 6 what "
+            "Behavior it is"
+        )
     if not times:
         wanted = ", ".join(v.name for v in variables)
         raise UsageError(f"no tick of {folder} has all of {wanted}: it is a run of another kind of program")

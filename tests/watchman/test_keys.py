@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from brp.programs.behavior import Behavior
 from khepera_hil.keys import KEYS, Keys, foreground
 from khepera_hil.orders import Order
 
@@ -38,7 +39,27 @@ def test_each_key_is_an_order_and_others_are_none(terminal: tuple[int, int]) -> 
     orders[0].obeyed("vigil is on")
     orders[1].refused("no")
     assert said == [("info", "vigil is on"), ("warning", "no")]
-    assert set(KEYS) == {"v", "i", "q"}
+    assert set(KEYS) == {"v", "i", "q", *"0123456"}
+
+
+def test_digits_say_the_behavior_but_not_inside_a_function_key(terminal: tuple[int, int]) -> None:
+    ours, theirs = terminal
+    keys = Keys(theirs, lambda level, text: None)
+    os.write(ours, b"2\x1b[15~6\x1b[1;2A\x1bOP\x1b[")
+    orders: list[Order] = []
+    while len(orders) < 2:
+        orders += keys.take()
+    os.write(ours, b"3~0")
+    while len(orders) < 3:
+        orders += keys.take()
+    os.write(ours, b"\x1b")  # the escape key, which swallows nothing
+    os.write(ours, b"q\x1bq")
+    while len(orders) < 5:
+        orders += keys.take()
+    words = [order.words for order in orders]
+    assert words == ["behavior patrol", "behavior recharge", "behavior free", "stop", "stop"]
+    digits = [KEYS[str(place)].removeprefix("behavior ") for place in range(1, 7)]
+    assert digits == list(Behavior.values)
 
 
 def test_the_terminal_is_left_as_it_was(terminal: tuple[int, int]) -> None:
