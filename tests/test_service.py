@@ -251,8 +251,8 @@ def test_persistent_impossible_evidence_does_not_end_the_run(tmp_path: Path) -> 
 
 def test_errors_of_ours_have_the_exit_codes_that_their_tree_says() -> None:
     assert errors.__doc__ is not None
-    names = r"\w+Error|\w+Lost|\w+Answer|\w*Refused|RobotReset|Implausible|WireTooSlow"
+    names = r"\w+Error|\w+Lost|\w+Answer|\w*Refused|RobotReset|Implausible|WireTooSlow|Stopped"
     said = dict(re.findall(rf"^ *[|`]?.*?({names}) +(\d)", errors.__doc__, re.M))
-    assert len(said) == 16
+    assert len(said) == 18
     for name, code in said.items():
         assert getattr(errors, name).exit_code == int(code)

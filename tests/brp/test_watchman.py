@@ -157,7 +157,7 @@ def page_speed(m: str, h: str, e: Evidence, theta: int) -> Row:
     elif m == "home":
         vrot, s = avoid if h == "avoidance" else page_phototaxy(theta), max(0.3, 1 - 0.06 * e["Prox"])
     else:
-        aim = h == "phototaxy" or e["ProxL"] >= 8
+        aim = h == "phototaxy" or e["ProxL"] >= 12
         vrot = np.exp(normal(v, e["DirL"], 2)) if aim else avoid
         s = 1 if e["ProxL"] < 12 else 0.5 if e["ProxL"] < 15 else 0
     return np.outer(vrot, np.exp(normal(np.arange(11.0), s * c, 0.7)))
@@ -252,5 +252,5 @@ def test_e10_1_to_e10_3_the_watchman_has_41_variables_12_descriptions_and_4_leve
     assert "× Σ_{Behavior} [ P(Move | Behavior Move_t-1 Tempo Tour pi-move) × Σ_{Base} [ P(Base | Px1 " in text
     # What neither Move nor H decides is not said to be at a value of theirs; equal cases are one.
     assert "Σ_{Theta2} [ P(Theta2 | L1 L2 L3 L4 L5 L6 L7 L8 pi-fusion) × P(Vrot | Theta2 " in text
-    assert "{ ProxL = 0..7: P(Vrot | Prox Dir delta-avoid pi-obstacle)" in text
+    assert "{ ProxL = 0..11: P(Vrot | Prox Dir delta-avoid pi-obstacle)" in text
     assert Behavior_t_1 in Sensory_variables
