@@ -33,9 +33,9 @@ Move_t_1 = Variable("Move_t-1", Move.values)
 Tempo = Variable("Tempo", ("running", "elapsed"))
 Tour = Variable("Tour", ("undone", "done"))
 
-QUOTA = {"stop": 20, "wander": 100, "follow": 900, "approach": 150, "blow": 20}
-"""After how many ticks of a Move Tempo is elapsed; homing has no end but the base. An approach has 15 s, enough for
-250 mm; on the robot its Tempo is elapsed as well when it has come up to the flame. With a fixed 5 s the turbine
+QUOTA = {"stop": 20, "wander": 100, "follow": 900, "approach": 200, "blow": 20}
+"""After how many ticks of a Move Tempo is elapsed; homing has no end but the base. An approach has 20 s, enough for
+400 mm; on the robot its Tempo is elapsed as well when it has come up to the flame. With a fixed 5 s the turbine
 blew at flames that were still out of its reach, and three blows without effect are a false fire."""
 
 move_given_last = [

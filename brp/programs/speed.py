@@ -16,7 +16,7 @@
     P(Vtrans | Move ... pi-speed) = G(s(Move, Prox, ProxL) Vtrans_c, 0.7)
 
     P(Vrot | stop ... pi-speed)   = P(Vrot | blow ... pi-speed) = Dirac(0)
-    P(Vrot | wander ... pi-speed) = P(Vrot | Dir Prox delta-avoid pi-obstacle)
+    P(Vrot | wander ... pi-speed) = P(Vrot | Dir Prox delta-avoid pi-obstacle), or away from a light that glares
     P(Vrot | follow ... pi-speed) = P(Vrot | Dir Prox delta-follow pi-obstacle)
     P(Vrot | home ... pi-speed)   = P(Vrot | Dir Prox Theta2 H pi-home)
     P(Vrot | approach ... pi-speed): towards DirL, or P(Vrot | Dir Prox delta-avoid pi-obstacle)
@@ -34,7 +34,7 @@ from brp.forms import Dirac, Switch, Uniform
 from brp.gaussian import Gaussian
 from brp.programs.home import H, command2, home2
 from brp.programs.move import Move
-from brp.programs.obstacle import Dir, Prox, Vrot, avoid, follow
+from brp.programs.obstacle import Dir, Prox, Vrot, avoid, avoidance_mean, follow
 from brp.programs.sensor import Theta2
 from brp.variables import P, Variable
 
@@ -53,6 +53,11 @@ light shows in the proximity sensors. From 8 on, as was first proposed, the base
 before the robot, which then pushes."""
 
 
+def past_what_is_beside(Dir: int, DirL: int) -> float:
+    """Near a flame: towards it, unless something stands at the side, where no flame is; then a little away."""
+    return DirL if abs(Dir) <= 2 else -3 if Dir > 0 else 3
+
+
 def slower_near_walls(Prox: int, Vtrans_c: int) -> float:
     """Homing slows down near what it may have to avoid."""
     return max(0.3, 1 - 0.06 * Prox) * Vtrans_c
@@ -66,6 +71,26 @@ def up_to_the_flame(ProxL: int, Vtrans_c: int) -> float:
     the rest of the way was driven.
     """
     return (1 if ProxL < 12 else 0.5 if ProxL < 15 else 0) * Vtrans_c
+
+
+GLARE = (12, 13)
+"""Values of ProxL some 280 mm before the base's lamp, or 120 mm before a flame."""
+IN_THE_LIGHT = (14, 15)
+
+
+def away_from_the_light(Dir: int, Prox: int, DirL: int) -> float:
+    """Wandering turns away from a light that glares as from an obstacle: by tables 3 and 5 a patrol that strays
+    into its base soon idles there, and then does so over and over, for minutes, however much its vigil is wanted.
+    """
+    if Prox >= 4:
+        return avoidance_mean(Dir, Prox)
+    side = 1 if DirL > 0 else -1
+    return -side * (10.0 if abs(DirL) <= 5 else 4.0)
+
+
+def out_of_the_light(ProxL: int, Vtrans_c: int) -> float:
+    """In its base a patrol makes haste: there it idles again after a second or so."""
+    return (2 if ProxL in IN_THE_LIGHT else 1) * Vtrans_c
 
 
 towards_the_light = Gaussian(lambda DirL: DirL, deviation=2)
@@ -84,7 +109,7 @@ pi_speed = Specification(
             Move,
             {
                 ("stop", "blow"): Dirac(0),
-                "wander": Gaussian(lambda Vtrans_c: Vtrans_c, 0.7),
+                "wander": Gaussian(out_of_the_light, 0.7),
                 "follow": Gaussian(lambda Vtrans_c: 0.6 * Vtrans_c, 0.7),
                 "home": Gaussian(slower_near_walls, 0.7),
                 "approach": Gaussian(up_to_the_flame, 0.7),
@@ -94,14 +119,14 @@ pi_speed = Specification(
             Move,
             {
                 ("stop", "blow"): Dirac(0),
-                "wander": avoid,
+                "wander": Switch(ProxL, {FAR: avoid, GLARE: Gaussian(away_from_the_light, 1), IN_THE_LIGHT: avoid}),
                 "follow": follow,
                 "home": home2,
                 "approach": Switch(
                     H,
                     {
                         "phototaxy": towards_the_light,
-                        "avoidance": Switch(ProxL, {FAR: avoid, NEAR: towards_the_light}),
+                        "avoidance": Switch(ProxL, {FAR: avoid, NEAR: Gaussian(past_what_is_beside, 2)}),
                     },
                 ),
             },

@@ -7,7 +7,7 @@ put down and taken away, sensors break and are mended. All of it is drawn from t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import hypot
 
 import numpy as np
@@ -41,6 +41,8 @@ stays small. Fires come a hundred seconds apart at the least, so that none is li
 _PLACES = 4  # on a mover's way
 _TRIES = 200
 _WIDTH = 30.0  # mm: half of a mover, and some room
+_CANDLE = 10.0  # mm
+_ROUND = 150.0  # s that a mover may take
 
 _AT_ONCE = 3
 _MASSES = (60, 150, 400)  # g, of the boxes
@@ -130,8 +132,10 @@ def _night(
 
 
 def _fire(rng: np.random.Generator, floor: _Floor, moment: float, number: int, *, real: bool) -> _Event:
-    """A flame, or a bulb that is shaken."""
+    """A candle, or a bulb that is shaken."""
     x, y = floor.place(rng)
+    if real:
+        floor.candles.append((moment, x, y))
     name, lasts = ("fire", FIRE_LASTS) if real else ("bulb", _SHAKEN)
     body = f"at_mm = [{x}, {y}]\nreal = {str(real).lower()}\nlasts_s = {lasts}"
     return moment, f'kind = "fire"\nname = "{name} {number % _NAMES}"\n{body}'
@@ -139,7 +143,7 @@ def _fire(rng: np.random.Generator, floor: _Floor, moment: float, number: int, *
 
 def _mover(rng: np.random.Generator, floor: _Floor, moment: float, number: int) -> _Event:
     """It comes in beside a wall and goes from place to place, round what stands there."""
-    path = floor.path(rng)
+    path = floor.path(rng, moment)
     body, speed = str(rng.choice(["mouse", "ball"])), rng.uniform(60, 200)
     way = f"speed_mm_s = {speed:.0f}\nrounds = 2\npath_mm = {path}"
     return moment, f'kind = "mover"\nname = "{body} {number % _AT_ONCE}"\nbody = "{body}"\n{way}'
@@ -190,6 +194,8 @@ class _Floor:
     """Where fires can be, and movers go: on the floor, and not where something stands in the way."""
 
     things: tuple[Shape, ...]
+    candles: list[tuple[float, int, int]] = field(default_factory=list)
+    """When they are lit, and where."""
 
     @classmethod
     def of(cls, world: str, seed: int) -> _Floor:
@@ -204,27 +210,32 @@ class _Floor:
             if max(x, y) > _FREE and all(gap(flame, thing) >= _FROM_THINGS for thing in self.things):
                 return x, y
 
-    def path(self, rng: np.random.Generator) -> list[list[int]]:
-        """From beside a wall to three other places; the way back to the first is as free."""
+    def path(self, rng: np.random.Generator, moment: float) -> list[list[int]]:
+        """From beside a wall to three other places, from a moment on; the way back to the first is as free."""
+        burning = [(x, y) for lit, x, y in self.candles if lit - _ROUND <= moment <= lit + FIRE_LASTS]
         while True:
             path = [_door(rng)]
             for _ in range(_TRIES):
                 there = [round(float(value)) for value in rng.uniform(50, _SIDE - 50, 2)]
-                if self._is_free(path[-1], there) and (len(path) < _PLACES - 1 or self._is_free(there, path[0])):
+                ways = [(path[-1], there)] + [(there, path[0])] * (len(path) == _PLACES - 1)
+                if all(self._is_free(*way, burning) for way in ways):
                     path.append(there)
                 if len(path) == _PLACES:
                     return path
 
-    def _is_free(self, start: Sequence[float], end: Sequence[float]) -> bool:
+    def _is_free(
+        self, start: Sequence[float], end: Sequence[float], candles: Sequence[tuple[float, float]]
+    ) -> bool:
         """Whether a mover comes from one place to the other, things taken for as round as they are long."""
         (ax, ay), (bx, by) = start, end
         long = hypot(bx - ax, by - ay) or 1.0
-        for thing in self.things:
-            if thing.kind == "wall":
-                continue
-            x, y, _ = thing.pose
+        stands = [
+            (*thing.pose[:2], max((hypot(*corner) for corner in thing.corners), default=0.0) + thing.radius)
+            for thing in self.things
+            if thing.kind != "wall"
+        ]
+        for x, y, reach in [*stands, *((x, y, _CANDLE) for x, y in candles)]:
             along = min(max(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / long, 0.0), long)
-            reach = max((hypot(*corner) for corner in thing.corners), default=0.0) + thing.radius
             if hypot(x - ax - along * (bx - ax) / long, y - ay - along * (by - ay) / long) < reach + _WIDTH:
                 return False
         return True

@@ -25,13 +25,16 @@ from khepera_hil.world.scenario import (
     PutDown,
     TakeAway,
 )
-from khepera_hil.world.shapes import BODY_RADIUS, Pose, Shape, overlap
+from khepera_hil.world.shapes import BODY_RADIUS, Pose, Shape, disc, overlap
 
 __all__ = ["PHYSICAL", "Cast", "Director"]
 
 PHYSICAL = (BatterySet, Broken, Fire, LampSet, Mover, PutDown, TakeAway)
 """Events that act in the world; the others are handed out."""
 
+_CANDLE = 10.0  # mm: the radius of what a real fire burns on (proposed: a household candle)
+_WICK = 3.0  # mm from its top to the flame
+_FIRM = 1e6  # g: it stands where it was put, whatever runs against it
 _SHELF = 60.0  # mm from the arena's west wall to where the things lie that are not on the floor
 
 
@@ -70,8 +73,11 @@ class Cast:
             raise _wrong(event, "robot", f"must be the number of a robot, and {there}")
         if isinstance(event, Fire):
             self._on_floor(event, "at_mm", [event.place])
-            if event.name in self._taken or event.name in brought:
+            if event.name in self._taken or (event.name in brought and event.name not in self.flames):
                 raise _wrong(event, "name", f"must be new; there is a {event.name!r} already")
+            if event.real:
+                self._on_free_floor(event, "at_mm", _candle(event))
+                self._bring(event, _candle(event), brought)
             self.flames[event.name] = event
         elif isinstance(event, Mover):
             self._on_floor(event, "path_mm", event.path, event.shape.radius)
@@ -96,7 +102,8 @@ class Cast:
 
     def _bring(self, event: Event, shape: Shape, brought: dict[str, Shape]) -> None:
         known = brought.get(shape.name, shape)
-        if shape.name in self._taken or shape.name in self.flames or known.at(shape.pose) != shape:
+        flame = shape.name in self.flames and shape.kind != "flame"
+        if shape.name in self._taken or flame or known.at(shape.pose) != shape:
             raise _wrong(event, "name", f"must be new; there is another {shape.name!r} already")
         brought[shape.name] = shape
 
@@ -123,7 +130,7 @@ class Cast:
         shelf: dict[str, Pose] = {}
         along = 0.0
         wide = {self.shapes[place].name: self.shapes[place].reach for place in self.movables}
-        wide |= dict.fromkeys(self.flames, 10.0)
+        wide |= dict.fromkeys(self.flames, _CANDLE)
         for name, reach in wide.items():
             shelf[name] = (-_SHELF - reach, along + reach, 0.0)
             along += 2 * reach + 10
@@ -150,7 +157,7 @@ class Director:
         self._physics, self._robots = physics, robots
         self._flickers = chance
         self._lamps = {lamp.name: lamp for lamp in lamps}
-        self._waiting: list[PutDown | Mover] = []
+        self._waiting: list[PutDown | Mover | Fire] = []
         self._walks: dict[int, Walk] = {}
         self.walking: dict[str, int] = {}
         """Movers on the floor: their numbers by name."""
@@ -164,7 +171,7 @@ class Director:
         for event in self._agenda.due(now + 1e-9, *PHYSICAL):
             self._happen(event, now, step)
         if self._waiting:
-            self._waiting = [event for event in self._waiting if not self._enters(event)]
+            self._waiting = [event for event in self._waiting if not self._enters(event, now, step)]
         for name, number in list(self.walking.items()):
             self._walk(name, number)
         if self._fires.burning:
@@ -193,17 +200,24 @@ class Director:
             lamp = self._lamps[event.name] = replace(self._lamps[event.name], intensity=event.intensity)
             self._shine({event.name}, Light(lamp))
         elif isinstance(event, Fire):
-            self._light(event, now, step)
+            self._wait_no_more(event.name)
+            self._extinguish({event.name})
+            if event.real:
+                self._waiting.append(event)
+            else:
+                self._light(event, now, step)
         elif isinstance(event, TakeAway):
-            self._waiting = [waits for waits in self._waiting if _name(waits) != event.name]
+            self._wait_no_more(event.name)
             self._remove(event.name)
         elif isinstance(event, (PutDown, Mover)):
-            self._waiting = [waits for waits in self._waiting if _name(waits) != _name(event)]
+            self._wait_no_more(_name(event))
             self._remove(_name(event))
             self._waiting.append(event)
 
+    def _wait_no_more(self, name: str) -> None:
+        self._waiting = [waits for waits in self._waiting if _name(waits) != name]
+
     def _light(self, event: Fire, now: float, step: int) -> None:
-        self._extinguish({event.name})
         lamp = Lamp(event.name, *event.place, event.height, event.intensity)
         chance = np.random.default_rng(self._flickers.spawn(1)[0])
         light = Light(lamp, Flicker(chance, self._step, step))
@@ -224,8 +238,10 @@ class Director:
 
     def _extinguish(self, names: set[str]) -> None:
         self._fires.burning = [flame for flame in self._fires.burning if flame.light.lamp.name not in names]
-        for robot in self._robots:
-            for name in names:
+        for name in names:
+            if name in self._cast.numbers:
+                self._remove(name)
+            for robot in self._robots:
                 robot.score.burned_down(name)
         self._shine(names)
 
@@ -234,8 +250,10 @@ class Director:
         if names or lights:
             self.lights = (*(light for light in self.lights if light.lamp.name not in names), *lights)
 
-    def _enters(self, event: PutDown | Mover) -> bool:
-        """Put it on the floor if its place is free."""
+    def _enters(self, event: PutDown | Mover | Fire, now: float, step: int) -> bool:
+        """Put it on the floor if its place is free, or say that it need not come any more."""
+        if isinstance(event, Fire) and event.at + event.lasts <= now + 1e-9:
+            return True
         number = self._cast.numbers[_name(event)]
         pose = event.shape.pose if isinstance(event, Mover) else _pose(event)
         if not self._physics.is_free(number, pose):
@@ -246,6 +264,8 @@ class Director:
             self.walking[event.shape.name] = number
             for robot in self._robots:
                 robot.score.entered()
+        elif isinstance(event, Fire):
+            self._light(event, now, step)
         else:
             for robot in self._robots:
                 robot.score.put(event.name, pose[:2])
@@ -269,7 +289,12 @@ class Director:
         self.walking.pop(name, None)
 
 
-def _name(event: PutDown | Mover) -> str:
+def _candle(event: Fire) -> Shape:
+    """What a real fire burns on; it is lower than the flame, and there while it burns."""
+    return disc(event.name, "flame", _CANDLE, (*event.place, 0.0), event.height - _WICK, mass=_FIRM)
+
+
+def _name(event: PutDown | Mover | Fire) -> str:
     return event.shape.name if isinstance(event, Mover) else event.name
 
 
@@ -277,9 +302,9 @@ def _wrong(event: Event, key: str, what: str) -> WorldError:
     return WorldError(f"{event.where}{key} {what}")
 
 
-def _pose(event: PutDown) -> Pose:
+def _pose(event: PutDown | Fire) -> Pose:
     x, y = event.place or (math.inf, math.inf)
-    return x, y, event.angle
+    return x, y, event.angle if isinstance(event, PutDown) else 0.0
 
 
 def _listed(names: Iterable[str]) -> str:

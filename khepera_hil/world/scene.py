@@ -243,7 +243,8 @@ class Scene:
     def shadows(self, key: object, lamp: tuple[float, float, float], width: float, pose: Pose) -> list[Solid]:
         """What may hide a lamp (x, y, height; radius ``width`` mm) from a sensor of a robot about ``pose``.
 
-        ``key`` names the lamp, so that what may stand between is not looked for each time.
+        ``key`` names the lamp, so that what may stand between is not looked for each time; a thing of its name,
+        the candle of a flame, hides it from nobody.
         """
         x, y, _ = pose
         known = self._shading.get(key)
@@ -253,7 +254,8 @@ class Scene:
             or abs(x - known[1]) > _NEIGHBOURHOOD
             or abs(y - known[2]) > _NEIGHBOURHOOD
         ):
-            wide = self.between((x, y), lamp, 2 * _NEIGHBOURHOOD + _ROBOT + width, self._solids)
+            others = [solid for solid in self._solids if solid.shape.name != key]
+            wide = self.between((x, y), lamp, 2 * _NEIGHBOURHOOD + _ROBOT + width, others)
             known = self._shading[key] = self._version, x, y, wide
         return self.between((x, y), lamp, _ROBOT + width, known[3]) if known[3] else known[3]
 

@@ -16,8 +16,8 @@ BODY_RADIUS = 28.5
 
 Kind = Literal["wall", "fixed", "block", "disc", "mover", "flame", "lamp", "base", "robot"]
 """wall: the arena's and the base's; fixed: stands for ever; block and disc: can be pushed if light enough;
-mover: goes its own way; flame: burns low above the floor; lamp: hangs above it; base: the base's square on it.
-Flames, lamps and the base stand in nobody's way."""
+mover: goes its own way; flame: a candle's, or a bulb that is shaken above the floor; lamp: hangs above it; base:
+the base's square on it. Bulbs, lamps and the base stand in nobody's way."""
 
 Pose = tuple[float, float, float]
 """x (right), y (up) and theta (counter-clockwise)."""

@@ -246,7 +246,8 @@ class World:
         for lamp in self.layout.lamps:
             shapes.append(disc(lamp.name, "lamp", lamp.radius, (lamp.x, lamp.y, 0.0), lamp.height))
         for name, fire in self._cast.flames.items():
-            shapes.append(disc(name, "flame", _FLAME, self._cast.shelf[name], fire.height))
+            if name not in self._cast.numbers:  # a bulb has no candle
+                shapes.append(disc(name, "flame", _FLAME, self._cast.shelf[name], fire.height))
         shapes += [replace(body, name=name_of(number, robot)) for number, body in enumerate(self._bodies, 1)]
         return [shape.described() for shape in shapes]
 

@@ -1,0 +1,209 @@
+"""What flickers: second differences of the eight light sensors, by which a flame is told from a lamp, and aimed at.
+
+A flame flickers, ten times a second and more, and a lamp does not. But a robot that moves sees any light change.
+Two things tell them apart. What is steady, a way towards a light, does not show in second differences. And a flame
+that flickers grows and shrinks in all sensors at once; a turn makes one sensor brighter and its neighbour darker, a
+shadow passes over one alone. So there are two tests:
+
+* under way, of the six sensors in front: one share f is fitted to each tick's second differences, d_i = f b_i.
+  The f of a flame deviate by enough, and explain most of all that has changed;
+* standing still, all round: nothing but noise and flicker changes then. The second differences are held against how
+  a flame at each bearing would show in the eight sensors, however bright the lamps are that shine as well; the
+  logarithm of how much better a flame explains them than noise is summed up from tick to tick.
+
+The same comparison, without the sum, keeps the bearing of a flame that was found while the robot drives to it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log, pi, remainder, sqrt
+from statistics import median
+
+import numpy as np
+from numpy.typing import NDArray
+
+from khepera_hil.perception.readings import LIGHT_MAX
+
+__all__ = ["DARK", "Flicker"]
+
+DARK = 490
+"""Readings below are brightness."""
+
+_FRONT = 6
+_FAINT, _FULL = 12.0, 395.0  # brightness below which a sensor only has noise, above which it is saturated
+_WINDOW = 10  # second differences that are looked at under way
+_ENOUGH = 8  # of them that must be there, between turns
+_MEDIAN = 0.6745 * sqrt(6)  # of the magnitude of a second difference, to the deviation of what flickers
+_SHARE = 0.05  # of the brightness; a candle's is .15
+_EXPLAINED = 0.75  # of the squares of all second differences
+_TURN = 0.12  # radians a tick: faster than this the lobes of the sensors show
+
+_STILL_WAY, _STILL_TURN = 0.2, 0.005  # mm and radians a tick
+_NOISE = 4.4 * sqrt(6)  # counts: the deviation of a second difference when nothing changes
+_LARGER = 2.0  # by how many times the noise's square a flame's is expected to be larger at least
+_MOST = 9.0  # of a tick's square over the noise's: a sensor that breaks is no flame
+_SURE = 10.0  # of the logarithm: there are some eight bearings to choose from, and 300 stops an hour
+_KEEP = 0.9  # of what the ticks before said of the bearing
+_FLICKERS = 1.0  # of the logarithm that is kept: without a flame it stays about 0, with one 400 mm away above 5
+
+_PLACES = np.radians([68.0, 43.0, 13.0, -13.0, -43.0, -68.0, -158.0, 158.0])
+_POINTINGS = np.radians([90.0, 45.0, 10.0, -10.0, -45.0, -90.0, -180.0, 180.0])
+_FIRM = 6.0
+_WHILE = 15  # ticks
+_STEP = 5  # degrees
+_BEARINGS = np.radians(np.arange(-180, 180, _STEP))  # counter-clockwise, 0 ahead
+
+
+def _lobes() -> NDArray[np.float64]:
+    """What a flame 300 mm away adds to each sensor, by its bearing; shape (bearings, 8), rows of length 1.
+
+    The sensors' places and lobes are those measured (`khepera_hil.world.sensors` has the same tables, which the
+    controllers may not know).
+    """
+    flame = 300.0 * np.column_stack([np.cos(_BEARINGS), np.sin(_BEARINGS)])
+    ways = flame[:, None, :] - 28.0 * np.column_stack([np.cos(_PLACES), np.sin(_PLACES)])
+    far = np.hypot(ways[..., 0], ways[..., 1])
+    ahead = (ways * np.column_stack([np.cos(_POINTINGS), np.sin(_POINTINGS)])).sum(2) / far
+    shares = (np.maximum(ahead, 0) ** 1.42 + 0.05) / far**2
+    rows: NDArray[np.float64] = shares / np.linalg.norm(shares, axis=1)[:, None]
+    return rows
+
+
+_LOBES = _lobes()
+
+
+class Flicker:
+    """Takes in the eight light readings of each tick, and how the robot has moved since the last."""
+
+    def __init__(self) -> None:
+        self.share = self.explained = 0.0
+        """By how much of its brightness the light in front flickered in the last second (by the median, so that one
+        step into a shadow is no flicker), and how much of all changes that explains, 0 to 1."""
+        self.heading = 0.0
+        """Of the robot, radians, counter-clockwise, since the first tick."""
+        self._last: deque[NDArray[np.float64] | None] = deque(maxlen=3)
+        self._fits: deque[_Fit | None] = deque(maxlen=_WINDOW)
+        self._still = 0
+        self.square = 0.0
+        """Of this tick: the greatest second difference, as a square over the noise's; 0 in a turn."""
+        self._standing = np.zeros(len(_BEARINGS))
+        self._headings = np.zeros(len(_BEARINGS))
+
+    def step(self, light: Sequence[int], way: float, turn: float) -> None:
+        """``light``: the eight readings; ``way`` (mm) and ``turn`` (radians) since the last tick."""
+        self.heading += turn
+        bright = DARK - np.minimum(np.array(light, float), LIGHT_MAX)
+        still = abs(way) < _STILL_WAY and abs(turn) < _STILL_TURN
+        self._still = self._still + 1 if still else 0
+        self._last.append(bright if abs(turn) < _TURN else None)
+        three = [one for one in self._last if one is not None]
+        whole = len(three) == 3
+        front = [np.maximum(one[:_FRONT], 0).tolist() for one in three]
+        self._fits.append(_fitted(*front) if whole else None)
+        self._explain()
+        if not still:
+            self._standing[:] = 0
+        self.square = 0.0
+        if not whole:
+            return
+        squares = self._by_bearing(three)
+        self.square = float(squares.max())
+        said = np.minimum(squares, _MOST) * _LARGER / (1 + _LARGER) / 2 - log(1 + _LARGER) / 2
+        if self._still >= 3:
+            self._standing += said
+        # Bearings are kept as headings, so that a turn does not make them stale.
+        self._headings = _KEEP * self._headings + np.roll(said, self._turned)
+
+    @property
+    def ahead(self) -> bool:
+        """Whether the light in front flickers as a flame does, by the last second under way."""
+        return self.share >= _SHARE and self.explained >= _EXPLAINED
+
+    @property
+    def around(self) -> bool:
+        """Whether something flickers somewhere, by all that was seen since the robot stands still."""
+        return bool(self._standing.max() >= _SURE)
+
+    @property
+    def steady(self) -> bool:
+        """Whether all that shines on a robot that has stood still for a while is steady."""
+        return self._still >= _WHILE and bool(self._standing.max() < _SURE / 2)
+
+    @property
+    def present(self) -> bool:
+        """Whether something flickers somewhere, by the last second or two in which the robot did not turn."""
+        return bool(self._headings.max() >= _FLICKERS)
+
+    @property
+    def firm(self) -> bool:
+        """Whether it flickers so much that its bearing is firm."""
+        return bool(self._headings.max() >= _FIRM)
+
+    @property
+    def bearing(self) -> float:
+        """Where it flickers most, radians, counter-clockwise, 0 ahead."""
+        return remainder(float(_BEARINGS[self._headings.argmax()]) - self.heading, 2 * pi)
+
+    def aim(self) -> None:
+        """Take for the bearing what was summed up since the robot stands still."""
+        self._headings = np.roll(self._standing, self._turned)
+
+    def forget(self) -> None:
+        """What flickered a moment ago was this one."""
+        self._fits.clear()
+        self._standing[:] = 0
+        self._headings[:] = 0
+        self.share = self.explained = 0.0
+
+    @property
+    def _turned(self) -> int:
+        """The heading, in steps between bearings."""
+        return round(self.heading / np.radians(_STEP))
+
+    def _by_bearing(self, three: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Squares over the noise's of what in the second differences a flame at each bearing explains."""
+        first, second, third = three
+        seen = np.maximum(np.maximum(first, second), third) < _FULL
+        lobes = _LOBES * seen
+        lengths = np.linalg.norm(lobes, axis=1)
+        along = lobes @ ((first - 2 * second + third) * seen) / np.maximum(lengths, 1e-9)
+        squares: NDArray[np.float64] = np.where(lengths > 0.5, (along / _NOISE) ** 2, 0.0)
+        return squares
+
+    def _explain(self) -> None:
+        fits = [fit for fit in self._fits if fit is not None]
+        changed = sum(fit.changed for fit in fits)
+        if len(fits) < _ENOUGH or changed == 0:
+            self.share = self.explained = 0.0
+            return
+        self.share = median(abs(fit.share) for fit in fits) / _MEDIAN
+        self.explained = sum(fit.explained for fit in fits) / changed
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """The second differences of three ticks: their common share of the brightness, and sums of squares."""
+
+    share: float
+    explained: float
+    changed: float
+
+
+def _fitted(first: Sequence[float], second: Sequence[float], third: Sequence[float]) -> _Fit | None:
+    """None where no sensor sees a light without being saturated by it."""
+    squares = products = changed = 0.0
+    for a, b, c in zip(first, second, third, strict=True):
+        bright = (a + b + c) / 3
+        if bright <= _FAINT or max(a, b, c) >= _FULL:
+            continue
+        d = a - 2 * b + c
+        squares += bright * bright
+        products += d * bright
+        changed += d * d
+    if squares == 0:
+        return None
+    share = products / squares
+    return _Fit(share, share * share * squares, changed)
