@@ -44,8 +44,8 @@ _TURN = 0.12  # radians a tick: faster than this the lobes of the sensors show
 _STILL_WAY, _STILL_TURN = 0.2, 0.005  # mm and radians a tick
 _NOISE = 4.4 * sqrt(6)  # counts: the deviation of a second difference when nothing changes
 _LARGER = 2.0  # by how many times the noise's square a flame's is expected to be larger at least
-_MOST = 9.0  # of a tick's square over the noise's: a sensor that breaks is no flame
-_SURE = 10.0  # of the logarithm: there are some eight bearings to choose from, and 300 stops an hour
+_MOST = 7.0  # of a tick's square over the noise's: a sensor that breaks is no flame
+_SURE = 9.0  # of the logarithm: there are some eight bearings to choose from, and 300 stops an hour
 _KEEP = 0.9  # of what the ticks before said of the bearing
 _FLICKERS = 1.0  # of the logarithm that is kept: without a flame it stays about 0, with one 400 mm away above 5
 

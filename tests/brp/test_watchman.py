@@ -144,6 +144,17 @@ def page_follow(dir_: int, prox: int) -> Row:
     return np.exp(normal(np.arange(-10.0, 11), float(np.clip(mean, -10, 10)), 1))
 
 
+def page_glare(e: Evidence) -> Row:
+    """Away from the light, as from an obstacle, or away from an obstacle."""
+    side = 1 if e["DirL"] > 0 else -1
+    turn = -side * (10.0 if abs(e["DirL"]) <= 5 else 4.0)
+    if e["Prox"] >= 4:
+        away = 1 if e["Dir"] > 0 else -1
+        aside = max(0, abs(e["Dir"]) - 6) / 4
+        turn = -away * 10 * (1 - aside * (1 - e["Prox"] / 15))
+    return np.exp(normal(np.arange(-10.0, 11), turn, 1))
+
+
 def page_speed(m: str, h: str, e: Evidence, theta: int) -> Row:
     """P(Vrot Vtrans | Move H Dir Prox DirL ProxL Vtrans_c Theta2), shape (21, 11)."""
     v, c = np.arange(-10.0, 11), e["Vtrans_c"]
@@ -151,14 +162,15 @@ def page_speed(m: str, h: str, e: Evidence, theta: int) -> Row:
         return np.outer(v == 0, np.arange(11) == 0).astype(np.float64)
     avoid = page_avoid(e["Dir"], e["Prox"])
     if m == "wander":
-        vrot, s = avoid, 1.0
+        vrot, s = page_glare(e) if e["ProxL"] in (12, 13) else avoid, 2.0 if e["ProxL"] >= 14 else 1.0
     elif m == "follow":
         vrot, s = page_follow(e["Dir"], e["Prox"]), 0.6
     elif m == "home":
         vrot, s = avoid if h == "avoidance" else page_phototaxy(theta), max(0.3, 1 - 0.06 * e["Prox"])
     else:
-        aim = h == "phototaxy" or e["ProxL"] >= 12
-        vrot = np.exp(normal(v, e["DirL"], 2)) if aim else avoid
+        beside = h == "avoidance" and e["ProxL"] >= 12 and abs(e["Dir"]) > 2
+        aim = (-3 if e["Dir"] > 0 else 3) if beside else e["DirL"]
+        vrot = np.exp(normal(v, aim, 2)) if h == "phototaxy" or e["ProxL"] >= 12 else avoid
         s = 1 if e["ProxL"] < 12 else 0.5 if e["ProxL"] < 15 else 0
     return np.outer(vrot, np.exp(normal(np.arange(11.0), s * c, 0.7)))
 

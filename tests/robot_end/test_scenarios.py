@@ -105,6 +105,49 @@ def test_what_the_wind_does_not_reach_or_cannot_blow_out_burns_on(x: float, y: f
     assert there.poses()["fire"][0] > 0
 
 
+def test_a_candle_stands_in_the_way_and_does_not_hide_its_own_flame() -> None:
+    there = world(fire(0.0, 580, 500))
+    there.set_speed(60, 60)
+    there.advance(3.0)
+    assert there.pose()[0] == pytest.approx(0.580 - 0.010 - BODY_RADIUS / 1000, abs=1e-3)
+    assert there.score()["contacts"] == 1
+    assert there.score()["objects_moved"] == 0
+    assert min(there.light()[2:4]) < 120
+    there.set_turbine(True)
+    there.advance(5.0)
+    assert there.score()["fires_put_out"] == 1
+    assert there.pose()[0] > 0.56  # what burned is gone
+
+
+def test_a_fire_waits_until_its_place_is_free_and_a_bulb_hangs_above_it() -> None:
+    there = world(fire(0.5, 510, 500, lasts=3.0), fire(0.5, 500, 500, real=False, name="bulb"))
+    there.advance(1.0)
+    assert there.poses()["bulb"] == (0.5, 0.5, 0.0)
+    assert there.score()["fires_lit"] == 0
+    there.set_speed(-80, -80)
+    there.advance(2.5)
+    assert there.poses()["fire"] == (0.51, 0.5, 0.0)
+    assert there.score()["fires_lit"] == 1
+    there.advance(3.6)  # it burns until three seconds after its moment, and not after it came
+    assert there.poses()["fire"][0] < 0
+    never = world(fire(0.5, 510, 500, lasts=1.0))
+    never.advance(2.0)
+    never.set_speed(-80, -80)
+    never.advance(4.0)
+    assert never.score()["fires_lit"] == 0
+
+
+def test_a_fire_of_the_same_name_burns_elsewhere_later_and_only_there() -> None:
+    there = world(fire(0.0, 700, 500, lasts=1.0), fire(2.0, 300, 500), fire(3.0, 500, 800))
+    found = []
+    for now in (0.5, 1.5, 2.5, 3.5):
+        there.advance(now)
+        found.append(there.poses()["fire"][:2])
+    assert found[0] == (0.7, 0.5)
+    assert found[1][0] < 0
+    assert found[2:] == [(0.3, 0.5), (0.5, 0.8)]
+
+
 def test_a_shaken_bulb_looks_like_a_flame_and_ends_by_itself() -> None:
     there = world(fire(0.0, 620, 500, real=False, lasts=2.0))
     there.advance(1.9)
