@@ -23,9 +23,7 @@ BLOWS = 3
 """Blows without effect after which it was no fire."""
 
 _POINTINGS = (90, 45, 10, -10, -45, -90)
-_BRIGHT = 60  # counts of the brightest sensor below which nothing is seen of a flame
-_LAMP = 370  # and above which it is taken for the lamp of the base
-_AHEAD = 4  # of DirL: a flame at the robot's side is seen by one sensor only
+_LAMP = 370  # counts of the brightest sensor above which a robot that stands is before the lamp of its base
 _CONFIRM = 3
 _SATURATED = 12  # ProxL
 _REST = 75.0  # mm from there (some 125 from the sensor) into the turbine's reach
@@ -93,7 +91,7 @@ class Fire:
         self._by_light = _balance(brightness)
         self._ignore = max(0, self._ignore - 1)
         if not self.burning:
-            self._look(max(brightness), DARK - min(light), aim, base)
+            self._look(DARK - min(light), base)
             return self.burning
         self._approach(near, direction, prox, way)
         self._blow(total, move)
@@ -136,16 +134,13 @@ class Fire:
             self._before >= _STANDS or (self._driven is not None and self._driven >= self._rest)
         )
 
-    def _look(self, ahead: int, around: int, aim: int, base: float) -> None:
-        """``ahead`` and ``around``: the brightest of the six in front, and of all."""
-        # Ahead a flame is found from where no sensor is saturated: what is brighter is the base's lamp.
-        before = self.flicker.ahead and _BRIGHT <= ahead <= _LAMP and abs(aim) <= _AHEAD
-        beside = self.flicker.around and around <= _LAMP
-        seen = (before or beside) and base < 0.5 and not self._ignore
+    def _look(self, brightest: int, base: float) -> None:
+        standing = self.flicker.around and brightest <= _LAMP
+        seen = (self.flicker.under_way or standing) and base < 0.5 and not self._ignore
         self._seen = self._seen + 1 if seen else 0
         if self._seen >= _CONFIRM:
             self.burning = True
-            if beside:
+            if standing:
                 self.flicker.aim()
             self._gone = self._blows = 0
             self._driven, self._rest, self._aside = None, _REST, 0.0

@@ -1,26 +1,23 @@
 """What flickers: second differences of the eight light sensors, by which a flame is told from a lamp, and aimed at.
 
 A flame flickers, ten times a second and more, and a lamp does not. But a robot that moves sees any light change.
-Two things tell them apart. What is steady, a way towards a light, does not show in second differences. And a flame
-that flickers grows and shrinks in all sensors at once; a turn makes one sensor brighter and its neighbour darker, a
-shadow passes over one alone. So there are two tests:
+What is steady, a way towards a light or a turn on the spot, does not show in second differences, and ticks in which
+the robot begins or ends a turn are left out. What is left is held against how a flame at each bearing would show in
+the eight sensors: as a square over the noise's, for each bearing and tick. So lamps do not matter, however bright.
 
-* under way, of the six sensors in front: one share f is fitted to each tick's second differences, d_i = f b_i.
-  The f of a flame deviate by enough, and explain most of all that has changed;
-* standing still, all round: nothing but noise and flicker changes then. The second differences are held against how
-  a flame at each bearing would show in the eight sensors, however bright the lamps are that shine as well; the
-  logarithm of how much better a flame explains them than noise is summed up from tick to tick.
+* Standing still, nothing but noise and flicker changes. The logarithm of how much better a flame explains a tick
+  than noise does is summed up.
+* Under way a light may come out of a shadow, or a sensor look over an edge: large changes, and few. So there it
+  flickers where in six ticks of ten the square is large.
 
-The same comparison, without the sum, keeps the bearing of a flame that was found while the robot drives to it.
+The same squares keep the bearing of a flame that was found while the robot drives to it.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import log, pi, remainder, sqrt
-from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,14 +29,10 @@ __all__ = ["DARK", "Flicker"]
 DARK = 490
 """Readings below are brightness."""
 
-_FRONT = 6
-_FAINT, _FULL = 12.0, 395.0  # brightness below which a sensor only has noise, above which it is saturated
-_WINDOW = 10  # second differences that are looked at under way
-_ENOUGH = 8  # of them that must be there, between turns
-_MEDIAN = 0.6745 * sqrt(6)  # of the magnitude of a second difference, to the deviation of what flickers
-_SHARE = 0.05  # of the brightness; a candle's is .15
-_EXPLAINED = 0.75  # of the squares of all second differences
-_TURN = 0.12  # radians a tick: faster than this the lobes of the sensors show
+_FULL = 395.0  # brightness above which a sensor is saturated
+_WINDOW, _ENOUGH = 20, 17  # ticks that are looked at under way, and how many of them must count
+_QUANTILE, _LARGE = 0.4, 4.0  # of their squares; in two ticks of a thousand it is so large without a flame
+_STEADY, _FAST = 0.06, 0.35  # radians a tick: of change of turn, and of turn
 
 _STILL_WAY, _STILL_TURN = 0.2, 0.005  # mm and radians a tick
 _NOISE = 4.4 * sqrt(6)  # counts: the deviation of a second difference when nothing changes
@@ -79,13 +72,11 @@ class Flicker:
     """Takes in the eight light readings of each tick, and how the robot has moved since the last."""
 
     def __init__(self) -> None:
-        self.share = self.explained = 0.0
-        """By how much of its brightness the light in front flickered in the last second (by the median, so that one
-        step into a shadow is no flicker), and how much of all changes that explains, 0 to 1."""
         self.heading = 0.0
         """Of the robot, radians, counter-clockwise, since the first tick."""
-        self._last: deque[NDArray[np.float64] | None] = deque(maxlen=3)
-        self._fits: deque[_Fit | None] = deque(maxlen=_WINDOW)
+        self._last: deque[NDArray[np.float64]] = deque(maxlen=3)
+        self._turn = 0.0
+        self._recent: deque[NDArray[np.float64] | None] = deque(maxlen=_WINDOW)
         self._still = 0
         self.square = 0.0
         """Of this tick: the greatest second difference, as a square over the noise's; 0 in a turn."""
@@ -98,18 +89,16 @@ class Flicker:
         bright = DARK - np.minimum(np.array(light, float), LIGHT_MAX)
         still = abs(way) < _STILL_WAY and abs(turn) < _STILL_TURN
         self._still = self._still + 1 if still else 0
-        self._last.append(bright if abs(turn) < _TURN else None)
-        three = [one for one in self._last if one is not None]
-        whole = len(three) == 3
-        front = [np.maximum(one[:_FRONT], 0).tolist() for one in three]
-        self._fits.append(_fitted(*front) if whole else None)
-        self._explain()
+        self._last.append(bright)
+        counts = len(self._last) == 3 and abs(turn - self._turn) < _STEADY and abs(turn) < _FAST
+        self._turn = turn
         if not still:
             self._standing[:] = 0
         self.square = 0.0
-        if not whole:
+        squares = self._by_bearing(*self._last) if counts else None
+        self._recent.append(squares)
+        if squares is None:
             return
-        squares = self._by_bearing(three)
         self.square = float(squares.max())
         said = np.minimum(squares, _MOST) * _LARGER / (1 + _LARGER) / 2 - log(1 + _LARGER) / 2
         if self._still >= 3:
@@ -118,9 +107,10 @@ class Flicker:
         self._headings = _KEEP * self._headings + np.roll(said, self._turned)
 
     @property
-    def ahead(self) -> bool:
-        """Whether the light in front flickers as a flame does, by the last second under way."""
-        return self.share >= _SHARE and self.explained >= _EXPLAINED
+    def under_way(self) -> bool:
+        """Whether something flickers somewhere, by the last two seconds."""
+        counted = [squares for squares in self._recent if squares is not None]
+        return len(counted) >= _ENOUGH and bool(np.quantile(counted, _QUANTILE, axis=0).max() >= _LARGE)
 
     @property
     def around(self) -> bool:
@@ -153,57 +143,22 @@ class Flicker:
 
     def forget(self) -> None:
         """What flickered a moment ago was this one."""
-        self._fits.clear()
+        self._recent.clear()
         self._standing[:] = 0
         self._headings[:] = 0
-        self.share = self.explained = 0.0
 
     @property
     def _turned(self) -> int:
         """The heading, in steps between bearings."""
         return round(self.heading / np.radians(_STEP))
 
-    def _by_bearing(self, three: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    def _by_bearing(
+        self, first: NDArray[np.float64], second: NDArray[np.float64], third: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Squares over the noise's of what in the second differences a flame at each bearing explains."""
-        first, second, third = three
         seen = np.maximum(np.maximum(first, second), third) < _FULL
         lobes = _LOBES * seen
         lengths = np.linalg.norm(lobes, axis=1)
         along = lobes @ ((first - 2 * second + third) * seen) / np.maximum(lengths, 1e-9)
         squares: NDArray[np.float64] = np.where(lengths > 0.5, (along / _NOISE) ** 2, 0.0)
         return squares
-
-    def _explain(self) -> None:
-        fits = [fit for fit in self._fits if fit is not None]
-        changed = sum(fit.changed for fit in fits)
-        if len(fits) < _ENOUGH or changed == 0:
-            self.share = self.explained = 0.0
-            return
-        self.share = median(abs(fit.share) for fit in fits) / _MEDIAN
-        self.explained = sum(fit.explained for fit in fits) / changed
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """The second differences of three ticks: their common share of the brightness, and sums of squares."""
-
-    share: float
-    explained: float
-    changed: float
-
-
-def _fitted(first: Sequence[float], second: Sequence[float], third: Sequence[float]) -> _Fit | None:
-    """None where no sensor sees a light without being saturated by it."""
-    squares = products = changed = 0.0
-    for a, b, c in zip(first, second, third, strict=True):
-        bright = (a + b + c) / 3
-        if bright <= _FAINT or max(a, b, c) >= _FULL:
-            continue
-        d = a - 2 * b + c
-        squares += bright * bright
-        products += d * bright
-        changed += d * d
-    if squares == 0:
-        return None
-    share = products / squares
-    return _Fit(share, share * share * squares, changed)

@@ -91,9 +91,10 @@ def test_what_a_turn_or_a_shadow_makes_of_a_lamp_is_no_flame() -> None:
     rng = np.random.default_rng(2)
     fire = Fire()
     for _ in range(2000):
-        left = 1 + 0.2 * rng.normal()
+        turn = 0.1 * rng.normal()
+        left = 1 + 2 * turn
         turned = [b * (left if i < 3 else 2 - left) for i, b in enumerate(CANDLE)]
-        assert not told(fire, lit(turned, rng))
+        assert not told(fire, lit(turned, rng), turn=turn)
     for tick in range(2000):
         shadow = [b if i != 2 or tick % 7 < 3 else 0.0 for i, b in enumerate(CANDLE)]
         assert not told(fire, lit(shadow, rng))
