@@ -136,11 +136,13 @@ class Fire:
 
     def _look(self, brightest: int, base: float) -> None:
         standing = self.flicker.around and brightest <= _LAMP
-        seen = (self.flicker.under_way or standing) and base < 0.5 and not self._ignore
+        outside = (self.flicker.under_way or standing) and base < 0.5
+        # Between two candles it is as bright as in the base, and a base does not flicker.
+        seen = (outside or self.flicker.beyond_doubt) and not self._ignore
         self._seen = self._seen + 1 if seen else 0
         if self._seen >= _CONFIRM:
             self.burning = True
-            if standing:
+            if self.flicker.around:
                 self.flicker.aim()
             self._gone = self._blows = 0
             self._driven, self._rest, self._aside = None, _REST, 0.0

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from math import log, pi, remainder, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ DARK = 490
 _FULL = 395.0  # brightness above which a sensor is saturated
 _WINDOW, _ENOUGH = 20, 17  # ticks that are looked at under way, and how many of them must count
 _QUANTILE, _LARGE = 0.4, 4.0  # of their squares; in two ticks of a thousand it is so large without a flame
+_SHARED = 9.0  # so many times as large as what is left in a sensor: what one sensor sees alone is no flame
 _STEADY, _FAST = 0.06, 0.35  # radians a tick: of change of turn, and of turn
 
 _STILL_WAY, _STILL_TURN = 0.2, 0.005  # mm and radians a tick
@@ -76,7 +78,7 @@ class Flicker:
         """Of the robot, radians, counter-clockwise, since the first tick."""
         self._last: deque[NDArray[np.float64]] = deque(maxlen=3)
         self._turn = 0.0
-        self._recent: deque[NDArray[np.float64] | None] = deque(maxlen=_WINDOW)
+        self._recent: deque[_Squares | None] = deque(maxlen=_WINDOW)
         self._still = 0
         self.square = 0.0
         """Of this tick: the greatest second difference, as a square over the noise's; 0 in a turn."""
@@ -95,10 +97,11 @@ class Flicker:
         if not still:
             self._standing[:] = 0
         self.square = 0.0
-        squares = self._by_bearing(*self._last) if counts else None
-        self._recent.append(squares)
-        if squares is None:
+        found = _by_bearing(*self._last) if counts else None
+        self._recent.append(found)
+        if found is None:
             return
+        squares = found.explained
         self.square = float(squares.max())
         said = np.minimum(squares, _MOST) * _LARGER / (1 + _LARGER) / 2 - log(1 + _LARGER) / 2
         if self._still >= 3:
@@ -109,13 +112,24 @@ class Flicker:
     @property
     def under_way(self) -> bool:
         """Whether something flickers somewhere, by the last two seconds."""
-        counted = [squares for squares in self._recent if squares is not None]
-        return len(counted) >= _ENOUGH and bool(np.quantile(counted, _QUANTILE, axis=0).max() >= _LARGE)
+        counted = [found for found in self._recent if found is not None]
+        if len(counted) < _ENOUGH:
+            return False
+        explained = np.array([found.explained for found in counted])
+        large = np.quantile(explained, _QUANTILE, axis=0)
+        best = int(large.argmax())
+        left = sum(found.all - found.explained[best] for found in counted) / sum(found.others for found in counted)
+        return bool(large[best] >= _LARGE and explained[:, best].mean() >= _SHARED * left)
 
     @property
     def around(self) -> bool:
         """Whether something flickers somewhere, by all that was seen since the robot stands still."""
         return bool(self._standing.max() >= _SURE)
+
+    @property
+    def beyond_doubt(self) -> bool:
+        """The same, so that no lamp in the base nor its light make it uncertain."""
+        return bool(self._standing.max() >= 2 * _SURE)
 
     @property
     def steady(self) -> bool:
@@ -152,13 +166,22 @@ class Flicker:
         """The heading, in steps between bearings."""
         return round(self.heading / np.radians(_STEP))
 
-    def _by_bearing(
-        self, first: NDArray[np.float64], second: NDArray[np.float64], third: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Squares over the noise's of what in the second differences a flame at each bearing explains."""
-        seen = np.maximum(np.maximum(first, second), third) < _FULL
-        lobes = _LOBES * seen
-        lengths = np.linalg.norm(lobes, axis=1)
-        along = lobes @ ((first - 2 * second + third) * seen) / np.maximum(lengths, 1e-9)
-        squares: NDArray[np.float64] = np.where(lengths > 0.5, (along / _NOISE) ** 2, 0.0)
-        return squares
+
+class _Squares(NamedTuple):
+    """Of a tick's second differences, over the noise's: what a flame at each bearing explains, and all of them."""
+
+    explained: NDArray[np.float64]
+    all: float
+    others: int
+    """How many more there are than the one that a flame explains."""
+
+
+def _by_bearing(first: NDArray[np.float64], second: NDArray[np.float64], third: NDArray[np.float64]) -> _Squares:
+    seen = np.maximum(np.maximum(first, second), third) < _FULL
+    changes = (first - 2 * second + third) * seen / _NOISE
+    lobes = _LOBES * seen
+    lengths = np.linalg.norm(lobes, axis=1)
+    along = lobes @ changes / np.maximum(lengths, 1e-9)
+    # A bearing most of whose light goes into saturated sensors is none.
+    explained: NDArray[np.float64] = np.where(lengths > 0.5, along**2, 0.0)
+    return _Squares(explained, float(changes @ changes), max(int(seen.sum()) - 1, 1))
