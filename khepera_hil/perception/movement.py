@@ -108,19 +108,19 @@ def _residuals(frames: Array) -> Array:
     still = frames - mean
     squares = (still**2).sum(axis=0)
     following = np.ones(len(picture), dtype=bool)
-    left = still
+    left: Array = still
     for _ in range(_FITS):
         off = np.abs(frames - exposure[:, None] * picture)
         weight = following / np.maximum(1.0, off / _DOUBTED)
         exposure = (weight * frames * picture).sum(axis=1) / np.maximum((weight * picture**2).sum(axis=1), 1.0)
+        if not exposure.any():
+            break  # nothing that follows it is brighter than black
         exposure /= max(float(exposure.mean()), _DARKEST)
         share = exposure @ frames / (exposure @ exposure)
         exposed = frames - exposure[:, None] * share
         gained = squares - (exposed**2).sum(axis=0)
         left = np.where(gained >= 0, exposed, still)
         following = gained >= -(_DOUBTED**2)
-        if not following.any():
-            break
         picture = np.where(gained >= 0, share, mean)
     return left
 
