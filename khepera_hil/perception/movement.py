@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 from functools import cache
 from statistics import median
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,12 @@ __all__ = ["SETTLE", "Movement"]
 
 Array = NDArray[np.float64]
 
-SETTLE = 3
+SETTLE = 2
 """Ticks that the wheels must have stood still before a frame counts. Till then the robot creeps, by less than a
 pulse: enough for a cell to see the dark side of an edge where it saw the light one."""
 
-_LEAST = 3  # frames in which a change can be told
-_CREEPING = 2  # frames, the first ones, after which the robot may still have crept (proposed)
+_LEAST = 5  # frames in which a change can be told
+_CREEPING = 3  # frames, the first ones, after which the robot may still have crept (proposed)
 _MOST = 20  # frames of a stop that are remembered, the last ones (proposed)
 _CELLS = (1, 2, 3)  # neighbours that are taken together
 _DEVIATIONS = 5.0  # (proposed) noise alone gets there in one stop of a thousand
@@ -41,8 +42,9 @@ class Movement:
     or passes by, and whether or not it was there when the stop began. So at each tick every span of frames is held
     against the rest of the stop's, for every one, two and three neighbouring cells. The greatest of these
     differences, in its own standard deviations, is `changed`; beyond 5 it is a movement. There are some thousand
-    of them in a stop, and they are told from chance by that alone. Only the first frames by themselves are
-    held against nothing: what has changed once and for all after them may be the last of the robot's own creeping.
+    of them in a stop, and they are told from chance by that alone. But a cell
+    whose greatest difference is that of its first frame, or first two or three, from all that came then has seen the
+    last of the robot's own creeping: these frames of it count for nothing.
 
     The noise is known from the stops before: what moves must not pass for noise.
 
@@ -127,12 +129,15 @@ def _residuals(frames: Array) -> Array:
 
 def _most(left: Array) -> float:
     """The greatest difference of a span of frames from the others, over all spans and cells that are taken
-    together, in units of one reading's noise."""
-    begins, ends, deviations = _spans(len(left))
-    sums = np.concatenate([np.zeros((1, left.shape[1])), np.cumsum(left, axis=0)])
-    spans = ends - begins
-    differences = sums[ends] - sums[begins] - spans[:, None] / len(left) * sums[-1]
-    along = np.cumsum(differences / deviations[:, None], axis=1)
+    together, in units of one reading's noise. Without what a cell saw while the robot still crept."""
+    left = left.copy()
+    spans = _spans(len(left))
+    first = np.abs(_differences(left, spans)).argmax(axis=0)
+    crept = np.where(first < spans.creeping, first + 1, 0)
+    for frames in range(1, spans.creeping + 1):
+        cells = crept == frames
+        left[:frames, cells] = left[frames:, cells].mean(axis=0)
+    along = np.cumsum(_differences(left, spans)[spans.creeping :], axis=1)
     along = np.concatenate([np.zeros((len(along), 1)), along], axis=1)
     most = 0.0
     for cells in _CELLS:
@@ -141,14 +146,32 @@ def _most(left: Array) -> float:
     return most
 
 
-@cache
-def _spans(frames: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-    """Where spans of so many frames begin and end, and the deviation of a span's sum from its share of all.
+class _Spans(NamedTuple):
+    """Spans of frames: where they begin and end, and the deviation of a span's sum from its share of all.
 
-    A span and all the other frames are the same difference; so spans that begin with the first frame are in those
-    that end with the last, and the first frames alone are in neither.
+    A span and all the other frames are the same difference, so none begins with the first frame but in the guise of
+    one that ends with the last. The first `creeping` of them are all but the first frame, all but two, and so on.
     """
-    pairs = [(a, b) for a in range(1, frames) for b in range(a + 1, frames + 1) if b < frames or a > _CREEPING]
+
+    begins: NDArray[np.intp]
+    ends: NDArray[np.intp]
+    deviations: Array
+    creeping: int
+
+
+@cache
+def _spans(frames: int) -> _Spans:
+    creeping = min(_CREEPING, frames - 2)
+    pairs = [(a, b) for a in range(1, frames) for b in range(a + 1, frames + 1)]
+    pairs.sort(key=lambda pair: pair[1] < frames or pair[0] > creeping)
     begins, ends = (np.array(places, dtype=np.intp) for places in zip(*pairs, strict=True))
     spans = ends - begins
-    return begins, ends, np.sqrt(spans * (frames - spans) / frames)
+    return _Spans(begins, ends, np.sqrt(spans * (frames - spans) / frames), creeping)
+
+
+def _differences(left: Array, spans: _Spans) -> Array:
+    """Of each span and cell, in units of one reading's noise: shape (spans, cells)."""
+    sums = np.concatenate([np.zeros((1, left.shape[1])), np.cumsum(left, axis=0)])
+    shares = (spans.ends - spans.begins) / len(left)
+    differences: Array = sums[spans.ends] - sums[spans.begins] - shares[:, None] * sums[-1]
+    return differences / spans.deviations[:, None]
