@@ -42,9 +42,9 @@ class Movement:
     or passes by, and whether or not it was there when the stop began. So at each tick every span of frames is held
     against the rest of the stop's, for every one, two and three neighbouring cells. The greatest of these
     differences, in its own standard deviations, is `changed`; beyond 5 it is a movement. There are some thousand
-    of them in a stop, and they are told from chance by that alone. But a cell
-    whose greatest difference is that of its first frame, or first two or three, from all that came then has seen the
-    last of the robot's own creeping: these frames of it count for nothing.
+    of them in a stop, and they are told from chance by that alone. But a cell whose greatest difference is that of
+    its first frame, or first two or three, from all that came then has seen the last of the robot's own creeping:
+    these frames of it count for nothing.
 
     The noise is known from the stops before: what moves must not pass for noise.
 
