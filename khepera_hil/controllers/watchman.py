@@ -40,6 +40,7 @@ _FRAME = ("T", *CAMERA)
 _EVERY = 10  # ticks from one reading of the battery's voltage to the next
 _STILL = 1  # pulses that a wheel which stands still may creep in a tick
 _SECOND = 10  # ticks
+_TOUCHING = 1000  # counts of a proximity sensor: what is so near may shove the robot
 _LONGEST = 900  # ticks of following after which there is no object to be gone round
 
 
@@ -84,6 +85,7 @@ class Watchman:
         self._mind = WholeMind() if setting.memory == "whole" else Mind(watching, setting.early, obeying=obeying)
         self._last_tour = {variable.name: 0 for variable in TOUR}
         self._counters: tuple[int, int] | None = None
+        self._beside: Sequence[int] = ()
         self._followed = 0
         self._unfilled, self._heaviest = _SECOND, 0.0
 
@@ -241,7 +243,12 @@ class Watchman:
         frame = readings.answers.get(_FRAME)
         looking = self._memory.behavior == "patrol" and self._memory.move == "stop"
         pixels = None if frame is None else [int(value) for value in frame[1:]]
-        if not self.movement.step(pixels, standing=standing and looking):
+        if not (standing and looking):
+            self._beside = readings.proximity  # what stands there does not shove
+        touched = any(
+            now >= _TOUCHING > before for now, before in zip(readings.proximity, self._beside, strict=False)
+        )
+        if not self.movement.step(pixels, standing=standing and looking, touched=touched):
             return False
         events.append(("alarm", "something moves"))
         return True

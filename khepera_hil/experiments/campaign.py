@@ -67,6 +67,7 @@ def run(
                     _Campaign(crew, code, results, telling).work(waiting)
             finally:
                 results.together(keys)
+                known = results.known  # another mapping than before, once parts were put together
     return [json.loads(known[key]) for key in keys]
 
 

@@ -9,13 +9,12 @@ from typing import Any
 
 from khepera_hil.experiments.agreement import Agreements
 from khepera_hil.experiments.nights import CALL, FIRE_LASTS, Night
-from khepera_hil.perception.movement import CALIBRATE, SETTLE
 from khepera_hil.recording import Pose, Tick
 
 __all__ = ["LOOKING", "Tally", "resolved"]
 
-LOOKING = SETTLE + CALIBRATE
-"""Ticks of a stop after which the watchman looks: it has settled, and knows what a still picture is."""
+LOOKING = 7
+"""Ticks of a stop after which the watchman looks: the wheels stand still from the fifth on, and it has settled."""
 
 _SEEN = 3  # ticks in view and moving, while it looks, of a mover that should be noticed
 _HALF_FIELD = 18.0  # degrees to each side

@@ -15,6 +15,7 @@ import pyarrow.parquet as pq  # type: ignore[import-untyped]  # it ships no type
 import pytest
 
 from khepera_hil.errors import CampaignError, RecordingError
+from khepera_hil.experiments import results
 from khepera_hil.experiments.campaign import run, table
 from khepera_hil.experiments.fingerprint import code_of
 from khepera_hil.experiments.results import kept, parts
@@ -58,6 +59,14 @@ def test_results_and_their_table_are_the_same_by_any_number_of_workers(tmp_path:
     # The deaths cost their own cases, and nothing else was begun twice.
     assert sorted(log(tmp_path, "begun")) == sorted([*range(12), 2, 7, 7])
     assert not parts(tmp_path / "out", CODE)
+
+
+def test_what_came_before_and_after_parts_are_put_together_on_the_way_is_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(results, "_PARTS", 3)
+    some = cases(tmp_path, 8)
+    assert run("many", trial, some, tmp_path / "out", workers=1) == EXPECTED[:8]
 
 
 def test_a_worker_that_is_killed_from_outside_costs_only_its_own_case(tmp_path: Path) -> None:

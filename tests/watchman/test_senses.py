@@ -1,11 +1,8 @@
-"""Energy, Fire and movement: what they say, and how firmly."""
+"""Energy, Fire and light: what they say, and how firmly."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,7 +10,6 @@ from khepera_hil.perception import Readings
 from khepera_hil.perception.base import Surroundings
 from khepera_hil.perception.energy import LEVELS, Energy, charge
 from khepera_hil.perception.fire import AT_THE_FLAME, BLOWS, Fire
-from khepera_hil.perception.movement import Movement
 
 
 @given(st.lists(st.integers(0, 1023), max_size=60))
@@ -147,50 +143,6 @@ def test_three_blows_in_vain_are_no_fire_and_it_is_left_alone_for_a_while() -> N
     assert fire.events == ["no fire: three blows changed nothing"]
     for _ in range(150):
         assert not told(fire, flickering(rng))
-
-
-def test_a_still_picture_with_noise_gives_at_most_one_alarm_in_a_thousand_stops() -> None:
-    rng = np.random.default_rng(8)
-    picture = rng.uniform(50, 200, 16)
-    movement = Movement()
-    alarms = 0
-    for _ in range(1000):
-        lamp = 1.0
-        for _ in range(20):
-            lamp *= 1 + 0.01 * rng.normal()
-            alarms += movement.step(noisy(picture * lamp, rng), standing=True)
-        assert not movement.step(noisy(picture, rng), standing=False)
-    assert alarms <= 1
-
-
-def noisy(picture: np.ndarray[Any, Any], rng: np.random.Generator) -> list[int]:
-    frame = np.clip(np.rint(picture + rng.normal(0, 4, len(picture))), 0, 255)
-    return [int(value) for value in frame]
-
-
-@pytest.mark.parametrize(("darker", "cells"), [(60.0, 1), (25.0, 3)])
-def test_what_passes_by_is_told_once_although_it_was_there_when_the_stop_began(darker: float, cells: int) -> None:
-    rng = np.random.default_rng(9)
-    picture = rng.uniform(80, 200, 16)
-    movement = Movement()
-    told = 0
-    for _ in range(50):
-        alarms = 0
-        for tick in range(20):
-            frame = picture.copy()
-            first = tick * 16 // 20
-            frame[first : first + cells] -= darker
-            alarms += movement.step(noisy(frame, rng), standing=True)
-        movement.step(None, standing=False)
-        assert alarms <= 1
-        told += alarms
-    assert told >= 48
-
-
-def test_a_camera_that_says_nothing_gives_no_alarm() -> None:
-    movement = Movement()
-    for frame in (None, [0] * 16, [255] * 16, None, [0] * 16, [1] * 8, [], [200] * 16) * 4:
-        assert not movement.step(frame, standing=True)
 
 
 def test_light_above_511_is_clipped_and_counted() -> None:
