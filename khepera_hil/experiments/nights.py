@@ -31,7 +31,7 @@ SHORT = 600.0
 """Seconds of a short night at the most: it is over when its fire is out, or its call answered."""
 
 _SHAKEN = 40.0
-_COMPRESSION = 8.0  # of the battery's time: half an hour becomes four minutes
+_COMPRESSION = 4.0  # of the battery's time: 45 minutes become eleven, so that a day has its recharges
 _EARLY = 60.0  # s, in which a short night's fire is lit or its call comes
 
 _NAMES = 12

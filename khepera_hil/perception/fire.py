@@ -7,6 +7,7 @@ was none.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from math import degrees
 
@@ -26,12 +27,15 @@ _POINTINGS = (90, 45, 10, -10, -45, -90)
 _LAMP = 370  # counts of the brightest sensor above which a robot that stands is before the lamp of its base
 _CONFIRM = 3
 _SATURATED = 12  # ProxL
-_REST = 75.0  # mm from there (some 125 from the sensor) into the turbine's reach
-_CLOSER = 25.0  # mm nearer after each blow without effect: beside a lamp the light says too little
+_REST = 82.0  # mm from there (some 125 from the sensor) into the turbine's reach
+_CLOSER = 25.0  # mm nearer after a blow without effect: beside a lamp the light says too little
 _FRONT = 45  # degrees to where it flickers: what is bright elsewhere is a lamp
+_BESIDE = 5  # of DirL: so far it turns on the spot
 _FACING = 15  # ticks in which it turns to the flame, at the most
 _ASIDE = 25.0  # degrees from where the light seems to be to the second blow: the turbine reaches 20
 _OBSTACLE, _BEFORE = 10, 2  # Prox and Dir of what stands before the flame; beside the way there to it is room
+_STANDING, _SAME = 8, 5  # Prox, and how far Dir may be from DirL, of something that shines itself
+_OFTEN, _LATELY = 20, 60  # ticks, of the last, in which it does
 _STANDS = 5  # ticks in which that is there
 _GONE = 5  # ticks of darkness
 _DIM = 90  # counts of the brightest sensor, of darkness
@@ -56,6 +60,7 @@ class Fire:
         """What became of the fire in the last tick."""
         self._seen = self._gone = self._blows = self._ignore = 0
         self._aim = self._stood = 0
+        self._bumps: deque[bool] = deque(maxlen=_LATELY)
         self._by_light = self._aside = 0.0
         self._at_it = False
         self._blowing = False
@@ -92,6 +97,7 @@ class Fire:
         self._ignore = max(0, self._ignore - 1)
         if not self.burning:
             self._look(DARK - min(light), base)
+            self._bump_into(aim, near, direction, prox, base)
             return self.burning
         self._approach(near, direction, prox, way)
         self._blow(total, move)
@@ -104,7 +110,7 @@ class Fire:
             self._end("the fire is out" if self._blows else "the fire is lost from sight")
         elif self._blows and self.flicker.steady:
             self._end("the fire is lost from sight", ignore=_PATIENCE // 4)
-        elif self._blows >= BLOWS and move != "blow":
+        elif self._blows >= BLOWS and move != "blow" and not self._gone:
             self._end("no fire: three blows changed nothing", ignore=_PATIENCE)
         return self.burning
 
@@ -120,8 +126,9 @@ class Fire:
         return max(-10, min(10, round(-bearing / 9)))
 
     def near(self, near: int) -> int:
-        """ProxL as pi-speed knows it: at most 14 by the light, 15 at the flame."""
-        return AT_THE_FLAME if self._there else min(near, AT_THE_FLAME - 1)
+        """ProxL as pi-speed knows it: at most 14 by the light; 15 at the flame, or near and not facing it."""
+        beside = self.burning and self._at_it and abs(self.aim()) >= _BESIDE
+        return AT_THE_FLAME if self._there or beside else min(near, AT_THE_FLAME - 1)
 
     @property
     def arrived(self) -> bool:
@@ -141,12 +148,26 @@ class Fire:
         seen = (outside or self.flicker.beyond_doubt) and not self._ignore
         self._seen = self._seen + 1 if seen else 0
         if self._seen >= _CONFIRM:
-            self.burning = True
+            self._begin()
             if self.flicker.around:
                 self.flicker.aim()
-            self._gone = self._blows = 0
-            self._driven, self._rest, self._aside = None, _REST, 0.0
-            self.events.append("fire")
+
+    def _bump_into(self, aim: int, near: int, direction: int, prox: int, base: float) -> None:
+        """What shines where something stands is no lamp of a base, which hangs above a free floor."""
+        there = near > _SATURATED and prox >= _STANDING and abs(aim - direction) <= _SAME and base < 0.5
+        self._bumps.append(there)
+        if self.burning:
+            self._bumps.clear()
+        elif sum(self._bumps) >= _OFTEN and not self._ignore:
+            self._bumps.clear()
+            self._begin()
+            self._driven = self._rest  # it is here
+
+    def _begin(self) -> None:
+        self.burning = True
+        self._gone = self._blows = 0
+        self._driven, self._rest, self._aside = None, _REST, 0.0
+        self.events.append("fire")
 
     def _approach(self, near: int, direction: int, prox: int, way: float) -> None:
         bright = near >= _SATURATED and (self._driven is not None or self._before_it())
@@ -155,19 +176,22 @@ class Fire:
             self._driven = (self._driven or 0.0) + abs(way)
         elif near < _SATURATED - 3:
             self._driven = None
-        self._at_it = bright and near >= _SATURATED + 1
+        self._at_it = near >= _SATURATED + 1 and (self._driven is not None or self._is_it())
         self._stood = self._stood + 1 if self._there else 0
 
     def _before_it(self) -> bool:
-        """Whether what is bright in front is where it flickers, and no lamp."""
-        flickers = degrees(self.flicker.bearing)
-        return self.flicker.firm and abs(flickers) <= _FRONT and abs(flickers - self._by_light) <= _FRONT
+        """Whether what is bright in front is what flickers."""
+        return self._is_it() and abs(degrees(self.flicker.bearing)) <= _FRONT
+
+    def _is_it(self) -> bool:
+        """Whether the brightest light is where it flickers, and no lamp."""
+        return self.flicker.firm and abs(degrees(self.flicker.bearing) - self._by_light) <= _FRONT
 
     def _blow(self, total: float, move: str) -> None:
         if move == "blow" and not self._blowing:
             self._blows += 1
             self._blown_at = total
-            self._rest += _CLOSER
+            self._rest = _REST + _CLOSER
             # A lamp beside it draws the aim aside: the second blow goes more to where it flickers.
             side = 1 if self.flicker.bearing > 0 else -1
             self._aside = _ASIDE * side if self._blows == 1 else 0.0
