@@ -54,8 +54,8 @@ before the robot, which then pushes."""
 
 
 def past_what_is_beside(Dir: int, DirL: int) -> float:
-    """Near a flame: towards it, unless something stands at the side, where no flame is; then a little away."""
-    return DirL if abs(Dir) <= 2 else -3 if Dir > 0 else 3
+    """Near a flame: towards it, unless something stands elsewhere at the side; then a little away from that."""
+    return DirL if abs(Dir) <= 2 or abs(Dir - DirL) <= 5 else -3 if Dir > 0 else 3
 
 
 def slower_near_walls(Prox: int, Vtrans_c: int) -> float:

@@ -168,7 +168,7 @@ def page_speed(m: str, h: str, e: Evidence, theta: int) -> Row:
     elif m == "home":
         vrot, s = avoid if h == "avoidance" else page_phototaxy(theta), max(0.3, 1 - 0.06 * e["Prox"])
     else:
-        beside = h == "avoidance" and e["ProxL"] >= 12 and abs(e["Dir"]) > 2
+        beside = h == "avoidance" and e["ProxL"] >= 12 and abs(e["Dir"]) > 2 and abs(e["Dir"] - e["DirL"]) > 5
         aim = (-3 if e["Dir"] > 0 else 3) if beside else e["DirL"]
         vrot = np.exp(normal(v, aim, 2)) if h == "phototaxy" or e["ProxL"] >= 12 else avoid
         s = 1 if e["ProxL"] < 12 else 0.5 if e["ProxL"] < 15 else 0
