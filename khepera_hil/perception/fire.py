@@ -35,6 +35,7 @@ _FACING = 15  # ticks in which it turns to the flame, at the most
 _ASIDE = 25.0  # degrees from where the light seems to be to the second blow: the turbine reaches 20
 _OBSTACLE, _BEFORE = 10, 2  # Prox and Dir of what stands before the flame; beside the way there to it is room
 _STANDING, _SAME = 8, 5  # Prox, and how far Dir may be from DirL, of something that shines itself
+_TOUCHING, _AWAY = 14, 9  # Prox of what is touched almost, and DirL beside it
 _OFTEN, _LATELY = 20, 60  # ticks, of the last, in which it does
 _STANDS = 5  # ticks in which that is there
 _GONE = 5  # ticks of darkness
@@ -59,7 +60,7 @@ class Fire:
         self.events: list[str] = []
         """What became of the fire in the last tick."""
         self._seen = self._gone = self._blows = self._ignore = 0
-        self._aim = self._stood = 0
+        self._aim = self._stood = self._past = 0
         self._bumps: deque[bool] = deque(maxlen=_LATELY)
         self._by_light = self._aside = 0.0
         self._at_it = False
@@ -123,12 +124,14 @@ class Fire:
         if not self.burning:
             return self._aim
         bearing = self._by_light + self._aside if self._at_it else degrees(self.flicker.bearing)
-        return max(-10, min(10, round(-bearing / 9)))
+        return self._past if self._past and not self._at_it else max(-10, min(10, round(-bearing / 9)))
 
     def near(self, near: int) -> int:
-        """ProxL as pi-speed knows it: at most 14 by the light; 15 at the flame, or near and not facing it."""
+        """ProxL as pi-speed knows it: at most 14 by the light; 15, which stands, at the flame, or near and not free
+        to go to it: not facing it, or with something in the way."""
         beside = self.burning and self._at_it and abs(self.aim()) >= _BESIDE
-        return AT_THE_FLAME if self._there or beside else min(near, AT_THE_FLAME - 1)
+        stands = self._there or beside or (self.burning and self._past)
+        return AT_THE_FLAME if stands else min(near, AT_THE_FLAME - 1)
 
     @property
     def arrived(self) -> bool:
@@ -178,6 +181,9 @@ class Fire:
             self._driven = None
         self._at_it = near >= _SATURATED + 1 and (self._driven is not None or self._is_it())
         self._stood = self._stood + 1 if self._there else 0
+        # Up against something near a light it turns away on the spot; pi-speed would go on to the light.
+        against = near >= _SATURATED and prox >= _TOUCHING and abs(direction) <= _SAME
+        self._past = (self._past or (-_AWAY if direction > 0 else _AWAY)) if against else 0
 
     def _before_it(self) -> bool:
         """Whether what is bright in front is what flickers."""
