@@ -5,7 +5,7 @@ BIN := .venv/bin
 .PHONY: run test lint bench clean
 
 run: .venv/run.stamp            ## a minute of the watchman's night on the emulated robot
-	$(BIN)/khepera-hil --program watchman --scenario night --seed 4 --duration 60
+	$(BIN)/khepera-hil --program watchman --scenario night --seed 8 --duration 60
 
 test: .venv/dev.stamp           ## all tests
 	$(BIN)/python -m pytest

@@ -28,7 +28,7 @@ def test_the_film_begins_with_an_object_that_is_identified() -> None:
         said.extend((tick.t, text) for _, text in tick.events)
         return any("new object" in text for _, text in tick.events)
 
-    trial = drive(Watchman(), world="watchman", seed=4, duration=60, watch=watch, options={"scenario": "night"})
+    trial = drive(Watchman(), world="watchman", seed=8, duration=60, watch=watch, options={"scenario": "night"})
     assert trial.stopped, said
     assert all(tick.evidence for tick in trial.ticks)
     assert {tick.draws["Behavior"] for tick in trial.ticks} <= {"recognition", "patrol"}
@@ -70,7 +70,7 @@ def test_the_film_of_the_papers_results_is_played_to_its_end() -> None:
                 del left[0]
         return not left
 
-    trial = drive(Watchman(), world="watchman", seed=4, duration=520, watch=watch, options={"scenario": "night"})
+    trial = drive(Watchman(), world="watchman", seed=8, duration=520, watch=watch, options={"scenario": "night"})
     assert not left, seen
     assert trial.score["fires_put_out"] == 1
     assert trial.score["alarms"] >= 1
