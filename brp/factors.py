@@ -6,9 +6,9 @@ logarithms come from the form itself: the logarithm of a probability that has un
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,20 @@ __all__ = ["Cases", "Density", "Factor", "Flat", "label"]
 Logs = NDArray[np.float64]
 Places = Any
 """A value's place, or an array of places; several of them broadcast."""
+
+
+class LaidOut(NamedTuple):
+    """A table as a compiled question looks it up."""
+
+    values: NDArray[np.float64]
+    """Probabilities, or what is proportional to them; the known variables' axes, then the shape that was asked.
+    Not to be written into: several questions may have it."""
+    axes: tuple[Variable, ...]
+    """What it depends on, the known variables first."""
+    known: int
+    """How many these are."""
+    gaps: bool
+    """Whether it has a nan."""
 
 
 class Factor:
@@ -79,6 +93,8 @@ class Density(Factor):
         self.log = log
         self.vanishes = vanishes
         self.light = light
+        self.laid_out: dict[Hashable, LaidOut] = {}
+        """The table in every order in which questions wanted it, so that they share it."""
 
     @cached_property
     def table(self) -> Logs:

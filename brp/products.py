@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from brp import tables
 from brp.expression import Leaf, Node, Product, Slice
+from brp.factors import LaidOut
 from brp.source import Source
 from brp.tables import Sizes, logs_of, size, written
 from brp.variables import Variable, cells
@@ -142,26 +143,22 @@ class Products:
     def _table(self, here: Node, order: Axes, shape: Shape, scale: bool) -> str:
         """A table, the known variables first: what is asked of it is one contiguous piece."""
         known, axes = self._axes(here, order)
-        values = written(here, axes) if isinstance(here, Leaf) else self._everything(here, axes)
-        # A known variable that makes no difference needs no axis.
-        for v in known:
-            axis = axes.index(v)
-            first = values.take([0], axis)
-            if len(v) > 1 and (first == values.take([1], axis)).all() and (first == values).all():
-                axes = tuple(a for a in axes if a != v)
-                values = first.squeeze(axis)
-        known = tuple(v for v in known if v in axes)
-        name = self._stored(values, known, axes, shape, scale)
-        if np.isnan(values).any():
+        if isinstance(here, Leaf):
+            # Questions of one description look the same numbers up: they have one table together.
+            made = here.density.laid_out
+            key = known, axes, tuple(here.fixed.items()), shape, scale
+            if key not in made:
+                made[key] = _laid_out(written(here, axes), known, axes, shape, scale)
+            table = made[key]
+        else:
+            table = _laid_out(self._everything(here, axes), known, axes, shape, scale)
+        name = self._looked_up(table, shape)
+        if table.gaps:
             self.gaps.add(name)
         return name
 
-    def _stored(self, values: Array, known: Axes, axes: Axes, shape: Shape, scale: bool) -> str:
-        if scale:
-            rest = tuple(range(len(known), len(axes)))
-            largest = values.max(axis=rest, keepdims=True)
-            values = values / np.where(largest > 0, largest, 1.0)  # nan stays, and is found at the end
-        values = np.ascontiguousarray(values).reshape(tuple([len(v) for v in known]) + shape)
+    def _looked_up(self, table: LaidOut, shape: Shape) -> str:
+        values, known = table.values, table.axes[: table.known]
         if not known:
             return self.source.array(values)
         if (len(known) == 1 and shape) or cells(known) > LISTED:
@@ -270,3 +267,22 @@ class Products:
         largest = self.source.register(f"most({total})")
         self.source.guard(f"{largest} > LEAST")
         return self.source.register(f"exp({total} - {largest})")
+
+
+def _laid_out(values: Array, known: Axes, axes: Axes, shape: Shape, scale: bool) -> LaidOut:
+    """``values`` over ``axes``, of which ``known`` are the first, as what is looked up by these in ``shape``."""
+    # A known variable that makes no difference needs no axis.
+    for v in known:
+        axis = axes.index(v)
+        first = values.take([0], axis)
+        if len(v) > 1 and (first == values.take([1], axis)).all() and (first == values).all():
+            axes = tuple(a for a in axes if a != v)
+            values = first.squeeze(axis)
+    known = tuple(v for v in known if v in axes)
+    gaps = bool(np.isnan(values).any())
+    if scale:
+        rest = tuple(range(len(known), len(axes)))
+        largest = values.max(axis=rest, keepdims=True)
+        values = values / np.where(largest > 0, largest, 1.0)  # nan stays, and is found at the end
+    values = np.ascontiguousarray(values).reshape(tuple([len(v) for v in known]) + shape)
+    return LaidOut(values, axes, len(known), gaps)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from brp.batch import answered
 from brp.evidence import Evidence
 from brp.expression import Conditional, Leaf, Node, Otherwise, Soft, Split, Sum, climb, postorder
+from brp.factors import LaidOut
 from brp.plan import Compiler, do
 from brp.products import Axes, Emission, Shape
 from brp.source import TINY, Run
@@ -103,6 +104,7 @@ class _ManyRows(Compiler):
         super().__init__(known, soft, sizes)
         self.row = rows
         self._order: Axes = ()
+        self._shape: Shape = ()
         self._told = False
 
     def _free(self, here: Node) -> frozenset[Variable]:
@@ -118,18 +120,19 @@ class _ManyRows(Compiler):
             return self._laid(self.weights[here.variable], (self.row, here.variable), order, shape)
         return (yield from super()._emit(here, order, shape, scale))
 
-    def _stored(self, values: Array, known: Axes, axes: Axes, shape: Shape, scale: bool) -> str:
-        free = tuple(v for v in axes if v not in known)
-        name = self.source.array(np.ascontiguousarray(values))
+    def _looked_up(self, table: LaidOut, shape: Shape) -> str:
+        known, free = table.axes[: table.known], table.axes[table.known :]
+        name = self.source.array(table.values)
         if known:
             name = self.source.register(f"{name}[{', '.join(self.place[v] for v in known)}]")
         elif self._told:  # what is known makes no difference
             name = self.source.register(f"np.broadcast_to({name}, {(len(self.row), *map(len, free))})")
-        return self._laid(name, (self.row, *free) if self._told else free, self._order, shape)
+        return self._laid(name, (self.row, *free) if self._told else free, self._order, self._shape)
 
     def _table(self, here: Node, order: Axes, shape: Shape, scale: bool) -> str:
-        self._order, self._told = order, self.row in self._free(here)
-        return super()._table(here, tuple(v for v in order if v != self.row), shape, scale)
+        self._order, self._shape, self._told = order, shape, self.row in self._free(here)
+        known, axes = self._axes(here, order)
+        return super()._table(here, order, tuple(map(len, axes[len(known) :])), False)
 
     def _axes(self, here: Node, order: Axes) -> tuple[Axes, Axes]:
         return super()._axes(here, tuple(v for v in order if v != self.row))

@@ -16,11 +16,13 @@ where two do, only the one that is harder to believe counts. A sensor that was n
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-from brp import P, Question
-from brp.programs.lamp import USUAL, L, Level, LightSensor, Theta2, lamp, model
-from brp.programs.sensor import BEARINGS
+import numpy as np
+from numpy.typing import NDArray
+
+from brp import Description, Form, P, Question, Table
+from brp.programs.lamp import L, Level, Theta2, lamp
 
 __all__ = ["NAMED", "Diagnosis"]
 
@@ -35,14 +37,12 @@ _ACCUSED = 2  # sensors that a tick may speak against
 
 
 class Diagnosis:
-    """Watches eight sensors, as they were calibrated."""
+    """Watches eight sensors, as a description of pi-lamp has them; as they usually are, if none is given."""
 
-    def __init__(self, sensors: Sequence[LightSensor] = USUAL) -> None:
-        self._description = lamp(sensors)
+    def __init__(self, description: Description | None = None) -> None:
+        self._description = description or lamp()
         # P(Li = value | Theta2 Level), a row of 504 numbers for each value.
-        self._expected = [
-            model(one, theta).reshape(len(L[0]), -1) for one, theta in zip(sensors, BEARINGS, strict=True)
-        ]
+        self._expected = [_model(self._description[P(Li | Theta2, Level)]).reshape(len(Li), -1) for Li in L]
         self._where: dict[frozenset[int], Question] = {}
         self.sums = [0.0] * 8
         """How much speaks against each sensor."""
@@ -91,3 +91,8 @@ class Diagnosis:
             sound = [v for place, v in enumerate(L) if place + 1 not in self.broken]
             self._where[self.broken] = self._description.ask(P(Theta2, Level | sound))
         return self._where[self.broken]
+
+
+def _model(form: Form) -> NDArray[np.float64]:
+    assert isinstance(form, Table)
+    return np.asarray(form.table)

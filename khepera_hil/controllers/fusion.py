@@ -40,7 +40,7 @@ class Fusion:
     def __init__(self, sensors: Sequence[LightSensor] = USUAL_SENSORS) -> None:
         description = lamp(sensors)
         self._obstacle, self._scaled = Obstacle(), ScaledLight(_DARK)
-        self.diagnosis = Diagnosis(sensors)
+        self.diagnosis = Diagnosis(description)
         self.questions: dict[str, Question] = {
             "Vrot": avoid,
             "Theta2": description.ask(P(Theta2 | L)),

@@ -6,6 +6,7 @@ as JSON. A process ends when the one that started it does, in whatever way that 
 
 from __future__ import annotations
 
+import gc
 import importlib
 import json
 import multiprocessing
@@ -198,6 +199,7 @@ def _work(pipe: Connection, trial: Trial) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that started the others
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))  # what a trial has open, it closes
     threading.Thread(target=_with_the_parent, daemon=True).start()
+    gc.freeze()  # modules stay anyway, and need not be looked through after every case
     while True:
         try:
             case = pipe.recv_bytes().decode()
@@ -209,6 +211,9 @@ def _work(pipe: Connection, trial: Trial) -> None:
         except Exception as wrong:  # noqa: BLE001  (whatever it is, it is the campaign's to tell)
             error = _portable(wrong)
         pipe.send_bytes(pickle.dumps((result, error)))
+        # A description and its questions hold one another: few objects, which the collector is in no hurry to look
+        # for, and tables of a hundred megabytes. A worker of the fusion's grew to two gigabytes.
+        gc.collect()
 
 
 def _with_the_parent() -> None:

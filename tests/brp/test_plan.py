@@ -28,6 +28,7 @@ from brp import (
 from brp.expression import Leaf, Product
 from brp.order import _Search, best_order
 from brp.plan import compiled
+from brp.programs.lamp import L, Level, Theta2, lamp
 from brp.programs.object import Lrl, Nlt, Nrt, Per, recognise, unacquainted
 from brp.programs.watchman import pi_watchman, watchman
 from tests.brp.campaign import examples
@@ -262,3 +263,16 @@ def test_the_largest_array_is_the_largest_that_is_made() -> None:
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert most < 4 * 8 * 50**3
+
+
+def test_questions_of_one_description_have_their_tables_together() -> None:
+    description = lamp()
+    description.ask(P(Theta2 | L))
+    tracemalloc.start()
+    before, _ = tracemalloc.get_traced_memory()
+    for Li in L:
+        description.ask(P(Theta2 | [other for other in L if other is not Li]))
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    table = 8 * len(L[0]) * len(Theta2) * len(Level)
+    assert grown < 2 * table, f"{grown / table:.1f} tables more for eight questions that look up the same eight"

@@ -71,6 +71,7 @@ def test_what_came_before_and_after_parts_are_put_together_on_the_way_is_one(
 
 def test_a_worker_that_is_killed_from_outside_costs_only_its_own_case(tmp_path: Path) -> None:
     def kill() -> None:
+        until(lambda: 0 in log(tmp_path, "begun"))
         until(lambda: sorted(log(tmp_path)) == [1, 2, 3, 4, 5])  # one worker is held, the other does the rest
         os.kill(pids(tmp_path)[0], signal.SIGKILL)
         (tmp_path / "go").touch()
