@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from math import log, pi, remainder, sqrt
+from math import degrees, log, pi, remainder, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -164,7 +164,7 @@ class Flicker:
     @property
     def _turned(self) -> int:
         """The heading, in steps between bearings."""
-        return round(self.heading / np.radians(_STEP))
+        return round(degrees(self.heading) / _STEP)
 
 
 class _Squares(NamedTuple):

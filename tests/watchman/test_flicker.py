@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -83,13 +85,13 @@ def test_the_bearing_turns_with_the_robot() -> None:
 def test_a_robot_that_blows_at_a_steady_lamp_finds_that_nothing_flickers() -> None:
     rng = np.random.default_rng(4)
     fire = Fire()
-    known = {"aim": 0, "near": 4, "direction": 0, "prox": 0, "base": 0.0, "way": 3.0, "turn": 0.0}
-    while not fire.burning:
+    known: dict[str, Any] = {"aim": 0, "near": 4, "direction": 0, "prox": 0, "base": 0.0, "way": 3.0, "turn": 0.0}
+    found = False
+    while not found:
         candle = shares(0.0, 200.0) * (1 + 0.15 * rng.normal())
-        fire.step(read(candle, rng), **known, move="wander")  # type: ignore[arg-type]  # one of each type
-    blows = 0
-    while fire.burning:
-        blows += 1
-        fire.step(read(LAMP, rng), **(known | {"near": 5, "way": 0.0}), move="blow")  # type: ignore[arg-type]
-        assert blows < 30
+        found = fire.step(read(candle, rng), **known, move="wander")
+    ticks = 0
+    while fire.step(read(LAMP, rng), **(known | {"near": 5, "way": 0.0}), move="blow"):
+        ticks += 1
+        assert ticks < 30
     assert fire.events == ["the fire is lost from sight"]
