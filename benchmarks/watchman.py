@@ -5,8 +5,8 @@ The network means the same as the program. What the peers cannot say is said oth
 * P(Base | Px1 ... L8) and P(Theta2 | L1 ... L8) are questions of two descriptions that share L1..L8. One network
   has one L1, so that pi-base gets copies, which are told the same values.
 * P(Vrot | Move H Dir Prox DirL ProxL Theta2) goes by cases; written out it is a table of 1.0e9 cells. Two more
-  variables (Case: which question Vrot comes from; Lead: what Vrot is if it comes from Theta2 or DirL) make it three
-  tables of 0.82 million cells together.
+  variables (Case: which question Vrot comes from; Lead: what Vrot is if it comes from Theta2 or DirL, or DirL)
+  make it three tables of 1.1 million cells together.
 * The other questions used as forms (of pi-behavior, pi-move, pi-home) are written out as conditional tables.
 """
 
@@ -29,14 +29,28 @@ from brp.programs.move import Move, move
 from brp.programs.object import unacquainted
 from brp.programs.obstacle import avoid, follow
 from brp.programs.phototaxy2 import phototaxy2
-from brp.programs.speed import NEAR, Dir, DirL, Prox, ProxL, Vrot, Vtrans, Vtrans_c, speeding, towards_the_light
+from brp.programs.speed import (
+    GLARE,
+    NEAR,
+    Dir,
+    DirL,
+    Prox,
+    ProxL,
+    Vrot,
+    Vtrans,
+    Vtrans_c,
+    from_the_light,
+    past_it,
+    speeding,
+    towards_the_light,
+)
 from brp.programs.watchman import O, watchman
 
 __all__ = ["by_hand", "network"]
 
 Array = NDArray[np.float64]
 
-Case = Variable("Case", ("still", "avoid", "follow", "seek", "light"))
+Case = Variable("Case", ("still", "avoid", "follow", "seek", "light", "glare", "past"))
 Lead = Variable("Lead", Vrot.values)
 copies = tuple(Variable(f"{Li}_base", Li.values) for Li in L)
 
@@ -60,20 +74,31 @@ def light() -> Array:
     return written(P(Vrot | DirL), towards_the_light)
 
 
+def glare() -> Array:
+    """P(Vrot | Dir Prox DirL) of wandering before a light, axes in this order."""
+    return written(P(Vrot | Dir, Prox, DirL), from_the_light)
+
+
+def past() -> Array:
+    """P(Vrot | Dir DirL) of an approach past something, axes in this order."""
+    return written(P(Vrot | Dir, DirL), past_it)
+
+
 def cases() -> Array:
     """P(Case | Move H ProxL), all of them 0 or 1; axes in this order."""
     p = np.zeros((len(Case), len(Move), len(H), len(ProxL)))
     at, moves = Case.places, Move.places
     for m in ("stop", "blow"):
         p[at["still"], moves[m]] = 1
-    p[at["avoid"], moves["wander"]] = 1
+    p[at["glare"], moves["wander"], :, list(GLARE)] = 1
+    p[at["avoid"], moves["wander"]] = 1 - p[at["glare"], moves["wander"]]
     p[at["follow"], moves["follow"]] = 1
     avoidance, phototaxy = H.places["avoidance"], H.places["phototaxy"]
     p[at["avoid"], moves["home"], avoidance] = 1
     p[at["seek"], moves["home"], phototaxy] = 1
     p[at["light"], moves["approach"], phototaxy] = 1
-    p[at["light"], moves["approach"], avoidance, list(NEAR)] = 1
-    p[at["avoid"], moves["approach"], avoidance] = 1 - p[at["light"], moves["approach"], avoidance]
+    p[at["past"], moves["approach"], avoidance, list(NEAR)] = 1
+    p[at["avoid"], moves["approach"], avoidance] = 1 - p[at["past"], moves["approach"], avoidance]
     return p
 
 
@@ -89,7 +114,7 @@ def by_hand() -> Callable[..., Array]:
 
     pi-base has two values, so that its fusion is a sum of sixteen log-ratios; pi-fusion adds eight rows of logs and
     takes out the largest. Behavior is summed out beforehand (Base, six known values and Tempo, Tour to Move). Vrot
-    and Vtrans given the evidence are five rows and six; which go together, by Move and H, is a matrix of 5 by 6.
+    and Vtrans given the evidence are seven rows and six; which go together, by Move and H, is a matrix of 7 by 6.
     No object has been presented, so that P(O | Nlt Nrt Per Lrl) is the same whatever is known: a constant here. brp
     asks it each time, as it must once a tour was learnt.
     """
@@ -115,6 +140,8 @@ def by_hand() -> Callable[..., Array]:
     obstacles[:, :, 2] = ordered(follow, Dir, Prox, Vrot)
     seek = ordered(phototaxy2, Theta2, Vrot)
     lead = np.ascontiguousarray(light().T)
+    glares = np.ascontiguousarray(np.moveaxis(glare(), 0, -1))
+    passes = np.ascontiguousarray(np.moveaxis(past(), 0, -1))
     # (Prox, ProxL, Case, Move): H summed out.
     together = np.einsum("cmhl,hp->plcm", cases(), ordered(command2, H, Prox))
     speeds = ordered(of_vtrans, Prox, ProxL, Vtrans_c, Move, Vtrans)
@@ -140,6 +167,8 @@ def by_hand() -> Callable[..., Array]:
         np.dot(theta, seek, rows[3])
         rows[3] /= theta.sum()
         rows[4] = lead[told["DirL"] + 10]
+        rows[5] = glares[told["Dir"] + 10, prox, told["DirL"] + 10]
+        rows[6] = passes[told["Dir"] + 10, told["DirL"] + 10]
         answer = np.zeros(shape)
         answer[:, :, met] = np.dot(rows.T, np.dot(together[prox, near] * w, speeds[prox, near, told["Vtrans_c"]]))
         return answer
@@ -162,12 +191,15 @@ def network() -> Model:
     p += still()[:, None, None, None]
     p[:, 3] = ordered(phototaxy2, Vrot, Theta2)[:, :, None]
     p[:, 4] = light()[:, None, :]
+    p[:, 5:] = np.eye(len(Lead))[:, None, None, :]  # DirL, which has the same values
     tables[P(Lead | Case, Theta2, DirL)] = p
     p = np.zeros((len(Vrot), len(Lead), len(Case), len(Dir), len(Prox)))
     p[:, :, 0] = still()[:, None, None, None]
     p[:, :, 1] = ordered(avoid, Vrot, Dir, Prox)[:, None]
     p[:, :, 2] = ordered(follow, Vrot, Dir, Prox)[:, None]
-    p[:, :, 3:] = np.eye(len(Vrot))[:, :, None, None, None]
+    p[:, :, 3:5] = np.eye(len(Vrot))[:, :, None, None, None]
+    p[:, :, 5] = glare().transpose(0, 3, 1, 2)
+    p[:, :, 6] = past().transpose(0, 2, 1)[..., None]
     tables[P(Vrot | Lead, Case, Dir, Prox)] = p
     defined = {v for term in tables for v in term.of}
     for v in watchman.known:

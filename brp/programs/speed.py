@@ -94,6 +94,8 @@ def out_of_the_light(ProxL: int, Vtrans_c: int) -> float:
 
 
 towards_the_light = Gaussian(lambda DirL: DirL, deviation=2)
+past_it = Gaussian(past_what_is_beside, deviation=2)
+from_the_light = Gaussian(away_from_the_light, deviation=1)
 
 pi_speed = Specification(
     {
@@ -119,14 +121,14 @@ pi_speed = Specification(
             Move,
             {
                 ("stop", "blow"): Dirac(0),
-                "wander": Switch(ProxL, {FAR: avoid, GLARE: Gaussian(away_from_the_light, 1), IN_THE_LIGHT: avoid}),
+                "wander": Switch(ProxL, {FAR: avoid, GLARE: from_the_light, IN_THE_LIGHT: avoid}),
                 "follow": follow,
                 "home": home2,
                 "approach": Switch(
                     H,
                     {
                         "phototaxy": towards_the_light,
-                        "avoidance": Switch(ProxL, {FAR: avoid, NEAR: Gaussian(past_what_is_beside, 2)}),
+                        "avoidance": Switch(ProxL, {FAR: avoid, NEAR: past_it}),
                     },
                 ),
             },

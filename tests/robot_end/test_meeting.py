@@ -221,8 +221,8 @@ def test_a_watchman_sounds_the_alarm_when_another_robot_comes_by() -> None:
     watchman, _ = meet(
         [PROGRAMS["watchman"].make(), PROGRAMS["avoid"].make()],
         world="watchman",
-        seed=1,
-        duration=18.0,
+        seed=3,
+        duration=50.0,
         options={"scenario": "meeting"},
     )
     alarms = [tick.t for tick in watchman.ticks for level, _ in tick.events if level == "alarm"]

@@ -14,6 +14,7 @@ from khepera_hil.controllers.watchman import CAMERA, Watchman
 from khepera_hil.controllers.watchman_mind import EARLY
 from khepera_hil.errors import OrderRefused
 from khepera_hil.perception import Readings
+from khepera_hil.perception.fire import Fire
 from tests.watchman.evidence import AT_BASE, OUTSIDE
 
 STILL = tuple([120] * 16)
@@ -46,6 +47,7 @@ def test_every_combination_of_evidence_is_answered_and_the_filled_rows_are_told(
         watchman._memory.behavior, watchman._memory.move, watchman._memory.age = str(before), "stop", 5
         watchman._unfilled = 10
         watchman.energy._level = Energy.place(energy)
+        watchman.fire = Fire()
         watchman.fire.burning = fire
         decision = watchman.step(readings(AT_BASE if at_base else OUTSIDE, volts=None), rng)
         assert decision.evidence["Behavior_t-1"] == before
