@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from math import degrees, log, pi, remainder, sqrt
+from math import ceil, degrees, log, pi, remainder, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -102,7 +102,7 @@ class Flicker:
         if found is None:
             return
         squares = found.explained
-        self.square = float(squares.max())
+        self.square = found.most
         said = np.minimum(squares, _MOST) * _LARGER / (1 + _LARGER) / 2 - log(1 + _LARGER) / 2
         if self._still >= 3:
             self._standing += said
@@ -113,8 +113,9 @@ class Flicker:
     def under_way(self) -> bool:
         """Whether something flickers somewhere, by the last two seconds."""
         counted = [found for found in self._recent if found is not None]
-        if len(counted) < _ENOUGH:
-            return False
+        many = len(counted) - ceil(_QUANTILE * (len(counted) - 1))
+        if len(counted) < _ENOUGH or sum(found.most >= _LARGE for found in counted) < many:
+            return False  # the quantile, which takes its time, could not be large
         explained = np.array([found.explained for found in counted])
         large = np.quantile(explained, _QUANTILE, axis=0)
         best = int(large.argmax())
@@ -171,6 +172,7 @@ class _Squares(NamedTuple):
     """Of a tick's second differences, over the noise's: what a flame at each bearing explains, and all of them."""
 
     explained: NDArray[np.float64]
+    most: float
     all: float
     others: int
     """How many more there are than the one that a flame explains."""
@@ -184,4 +186,4 @@ def _by_bearing(first: NDArray[np.float64], second: NDArray[np.float64], third: 
     along = lobes @ changes / np.maximum(lengths, 1e-9)
     # A bearing most of whose light goes into saturated sensors is none.
     explained: NDArray[np.float64] = np.where(lengths > 0.5, along**2, 0.0)
-    return _Squares(explained, float(changes @ changes), max(int(seen.sum()) - 1, 1))
+    return _Squares(explained, float(explained.max()), float(changes @ changes), max(int(seen.sum()) - 1, 1))
