@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 RARELY = 0.05
 """Decisions of a night: an entry by which fewer come out otherwise leaves 19 nights of 20 as they are."""
 
+_NOTHING = 1e-9
 _LEVEL = 0.05
 _RANK = 1e-9
 """What is so small beside the greatest eigenvalue is rounding: columns whose signs sum to zero have some."""
@@ -201,6 +202,8 @@ def _fitted(contrasts: Array, halves: Array) -> list[Effect]:
     freedom = n - int(np.linalg.matrix_rank(contrasts))
     variance = float(((halves - contrasts @ values) ** 2).sum()) / freedom
     errors = np.sqrt(variance * np.maximum(0.0, np.diag(inverse)))
+    # An entry that is looked at alone in its column has no effect, by the constraint; rounding would leave one.
+    values, errors = (np.where(np.abs(some) < _NOTHING, 0.0, some) for some in (values, errors))
     usual, wide = (float(t.ppf(1 - _LEVEL / 2 / tests, freedom)) for tests in (1, looked_at))
     return [
         Effect(float(v), float(v - usual * e), float(v + usual * e), n, clear=bool(abs(v) > wide * e > 0))

@@ -16,6 +16,7 @@ from brp.programs.behavior import Behavior, behaving, pi_behavior_taught
 from brp.store import save
 from khepera_hil.commands import paper
 from khepera_hil.errors import UsageError
+from khepera_hil.experiments import stability_effects
 from khepera_hil.experiments import stability_exact as exact
 from khepera_hil.experiments.cases import Case, Result
 from khepera_hil.experiments.stability import experiment
@@ -302,3 +303,14 @@ def test_a_learnt_watchman_beside_the_published_one_over_the_same_nights(
 def test_mistakes_are_one_sentence(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(UsageError, match=said.replace("(", r"\(")):
         paper.main(words)
+
+
+def test_an_entry_that_is_looked_at_alone_in_its_column_has_no_effect_and_no_star() -> None:
+    """Effects of a column sum to zero, so that one by itself has none, whatever rounding leaves."""
+    rng = np.random.default_rng(6)
+    contrasts = rng.choice([-1.0, 1.0], (40, 3))
+    contrasts[:, 1] = 1e-17 * rng.normal(size=40)
+    one, alone, _ = stability_effects._fitted(contrasts, 2 * contrasts[:, 0] + 0.1 * rng.normal(size=40))
+    assert one.seen
+    assert one.clear
+    assert (alone.value, alone.low, alone.high, alone.seen, alone.clear) == (0.0, 0.0, 0.0, False, False)
