@@ -5,8 +5,8 @@ The network means the same as the program. What the peers cannot say is said oth
 * P(Base | Px1 ... L8) and P(Theta2 | L1 ... L8) are questions of two descriptions that share L1..L8. One network
   has one L1, so that pi-base gets copies, which are told the same values.
 * P(Vrot | Move H Dir Prox DirL ProxL Theta2) goes by cases; written out it is a table of 1.0e9 cells. Two more
-  variables (Case: which question Vrot comes from; Lead: what Vrot is if it comes from Theta2 or DirL, or DirL)
-  make it three tables of 1.1 million cells together.
+  variables (Case: which question Vrot comes from; Lead: what Vrot is if it comes from Theta2 or DirL alone, and
+  otherwise DirL) make it three tables of 1.1 million cells together.
 * The other questions used as forms (of pi-behavior, pi-move, pi-home) are written out as conditional tables.
 """
 

@@ -19,7 +19,8 @@
     P(Vrot | wander ... pi-speed) = P(Vrot | Dir Prox delta-avoid pi-obstacle), or away from a light that glares
     P(Vrot | follow ... pi-speed) = P(Vrot | Dir Prox delta-follow pi-obstacle)
     P(Vrot | home ... pi-speed)   = P(Vrot | Dir Prox Theta2 H pi-home)
-    P(Vrot | approach ... pi-speed): towards DirL, or P(Vrot | Dir Prox delta-avoid pi-obstacle)
+    P(Vrot | approach ... pi-speed): towards DirL, near it past what stands beside, or
+                                     P(Vrot | Dir Prox delta-avoid pi-obstacle)
 
     P(Vrot Vtrans | Move H Dir Prox DirL ProxL Vtrans_c Theta2 pi-speed)
     = P(Vtrans | Move Prox ProxL Vtrans_c pi-speed) P(Vrot | Move H Dir Prox DirL ProxL Theta2 pi-speed)

@@ -187,7 +187,7 @@ class Watchman:
             "Tour": tour,
             "Dir": near.values["Dir"],
             "Prox": near.values["Prox"],
-            "DirL": self.fire.aim(),
+            "DirL": self.fire.aim(ahead.values["DirL"]),
             "ProxL": self.fire.near(ahead.values["ProxL"]),
             "Vtrans_c": VTRANS,
             **self._last_tour,

@@ -13,6 +13,7 @@ from math import hypot
 import numpy as np
 
 from khepera_hil.world import World
+from khepera_hil.world.cast import CANDLE
 from khepera_hil.world.shapes import Shape, disc, gap
 
 __all__ = ["CALL", "FIRE_LASTS", "SHORT", "Night", "night", "short_night"]
@@ -41,7 +42,6 @@ stays small. Fires come a hundred seconds apart at the least, so that none is li
 _PLACES = 4  # on a mover's way
 _TRIES = 200
 _WIDTH = 30.0  # mm: half of a mover, and some room
-_CANDLE = 10.0  # mm
 _ROUND = 150.0  # s that a mover may take
 
 _AT_ONCE = 3
@@ -212,30 +212,30 @@ class _Floor:
 
     def path(self, rng: np.random.Generator, moment: float) -> list[list[int]]:
         """From beside a wall to three other places, from a moment on; the way back to the first is as free."""
-        burning = [(x, y) for lit, x, y in self.candles if lit - _ROUND <= moment <= lit + FIRE_LASTS]
-        while True:
-            path = [_door(rng)]
-            for _ in range(_TRIES):
-                there = [round(float(value)) for value in rng.uniform(50, _SIDE - 50, 2)]
-                ways = [(path[-1], there)] + [(there, path[0])] * (len(path) == _PLACES - 1)
-                if all(self._is_free(*way, burning) for way in ways):
-                    path.append(there)
-                if len(path) == _PLACES:
-                    return path
-
-    def _is_free(
-        self, start: Sequence[float], end: Sequence[float], candles: Sequence[tuple[float, float]]
-    ) -> bool:
-        """Whether a mover comes from one place to the other, things taken for as round as they are long."""
-        (ax, ay), (bx, by) = start, end
-        long = hypot(bx - ax, by - ay) or 1.0
         stands = [
             (*thing.pose[:2], max((hypot(*corner) for corner in thing.corners), default=0.0) + thing.radius)
             for thing in self.things
             if thing.kind != "wall"
         ]
-        for x, y, reach in [*stands, *((x, y, _CANDLE) for x, y in candles)]:
-            along = min(max(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / long, 0.0), long)
-            if hypot(x - ax - along * (bx - ax) / long, y - ay - along * (by - ay) / long) < reach + _WIDTH:
-                return False
-        return True
+        stands += [(x, y, CANDLE) for lit, x, y in self.candles if lit - _ROUND <= moment <= lit + FIRE_LASTS]
+        while True:
+            path = [_door(rng)]
+            for _ in range(_TRIES):
+                there = [round(float(value)) for value in rng.uniform(50, _SIDE - 50, 2)]
+                if _is_free(path[-1], there, stands) and (
+                    len(path) < _PLACES - 1 or _is_free(there, path[0], stands)
+                ):
+                    path.append(there)
+                if len(path) == _PLACES:
+                    return path
+
+
+def _is_free(start: Sequence[float], end: Sequence[float], stands: Sequence[tuple[float, float, float]]) -> bool:
+    """Whether a mover comes from one place to the other; ``stands`` are places and radii, as round as long."""
+    (ax, ay), (bx, by) = start, end
+    long = hypot(bx - ax, by - ay) or 1.0
+    for x, y, reach in stands:
+        along = min(max(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / long, 0.0), long)
+        if hypot(x - ax - along * (bx - ax) / long, y - ay - along * (by - ay) / long) < reach + _WIDTH:
+            return False
+    return True

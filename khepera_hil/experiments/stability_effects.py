@@ -24,10 +24,11 @@ Array = NDArray[np.float64]
 RARELY = 0.05
 """Decisions of a night: an entry by which fewer come out otherwise leaves 19 nights of 20 as they are."""
 
-_NOTHING = 1e-9
 _LEVEL = 0.05
 _RANK = 1e-9
 """What is so small beside the greatest eigenvalue is rounding: columns whose signs sum to zero have some."""
+_NOTHING = 1e-9
+"""An effect in an outcome's own units, or its error, of which rounding is all."""
 _SPARE = 6
 """Pairs that there must be beyond the effects that are fitted."""
 

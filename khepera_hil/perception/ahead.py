@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from math import floor
 
-from khepera_hil.perception.readings import LIGHT_MAX, Percept, Readings
+from khepera_hil.perception.readings import DARK, LIGHT_MAX, Percept, Readings
 
 __all__ = ["LightAhead"]
-
-_DARK = 490
-"""A reading below this is brightness; a sensor in the dark reads about 497."""
 
 _STEP = 28
 """Counts of brightness to one step of ProxL, so that a sensor in the full light (some 425) makes 15."""
@@ -27,7 +24,7 @@ class LightAhead:
     def step(self, readings: Readings) -> Percept:
         """DirL and ProxL at this tick."""
         clipped = {f"L{i}": 1 for i, value in enumerate(readings.light, 1) if value > LIGHT_MAX}
-        b1, b2, b3, b4, b5, b6 = (max(0, _DARK - value) for value in readings.light[:6])
+        b1, b2, b3, b4, b5, b6 = (max(0, DARK - value) for value in readings.light[:6])
         balance = 90 * (b6 - b1) + 45 * (b5 - b2) + 5 * (b4 - b3)
         dir_l = floor(balance / (9 * (1 + b1 + b2 + b3 + b4 + b5 + b6)))
         return Percept({"DirL": dir_l, "ProxL": min(15, max(b1, b2, b3, b4, b5, b6) // _STEP)}, clipped)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from math import degrees
 
 from khepera_hil.perception.flicker import Flicker
+from khepera_hil.perception.readings import BEARINGS
 
 __all__ = ["AT_THE_FLAME", "SATURATED", "STANDS_BY", "Approach"]
 
@@ -19,7 +20,6 @@ SATURATED = 12
 STANDS_BY = 5
 """Of Dir: how far what shines may seem to be from the thing that it is."""
 
-_POINTINGS = (90, 45, 10, -10, -45, -90)
 _REST = 82.0  # mm from saturation into the turbine's reach
 _CLOSER = 25.0  # mm nearer after a blow without effect: beside a lamp the light says too little
 _FRONT = 45  # degrees to where it flickers: what is bright elsewhere is a lamp
@@ -118,4 +118,4 @@ def _balance(brightness: Sequence[int]) -> float:
     those that are saturated say too little.
     """
     total = sum(brightness) or 1
-    return 2 * sum(bearing * bright for bearing, bright in zip(_POINTINGS, brightness, strict=True)) / total
+    return -2 * sum(bearing * bright for bearing, bright in zip(BEARINGS[:6], brightness, strict=True)) / total

@@ -11,8 +11,8 @@ from collections import deque
 from collections.abc import Sequence
 
 from khepera_hil.perception.approach import AT_THE_FLAME, SATURATED, STANDS_BY, Approach
-from khepera_hil.perception.flicker import DARK, Flicker
-from khepera_hil.perception.readings import LIGHT_MAX
+from khepera_hil.perception.flicker import Flicker
+from khepera_hil.perception.readings import DARK, LIGHT_MAX
 
 __all__ = ["AT_THE_FLAME", "Fire"]
 
@@ -45,7 +45,6 @@ class Fire:
         self.approach = Approach(self.flicker)
         self.events: list[str] = []
         """What became of the fire in the last tick."""
-        self._aim = 0
         self._bumps: deque[bool] = deque(maxlen=_LATELY)
         self._seen = self._gone = self._blows = self._ignore = 0
         self._blowing = False
@@ -74,7 +73,6 @@ class Fire:
         brightness = [max(0, DARK - min(value, LIGHT_MAX)) for value in light[:6]]
         self.flicker.step(light, way, turn)
         self.approach.look(brightness)
-        self._aim = aim
         self._ignore = max(0, self._ignore - 1)
         if self.burning:
             self.approach.step(near, direction, prox, way)
@@ -82,12 +80,12 @@ class Fire:
             self._judge(brightness, near, move)
         else:
             self._look(DARK - min(light), base)
-            self._bump_into(near, direction, prox, base)
+            self._bump_into(aim, near, direction, prox, base)
         return self.burning
 
-    def aim(self) -> int:
+    def aim(self, aim: int) -> int:
         """DirL as pi-speed knows it: to the fire, and without one to the light."""
-        return self.approach.aim if self.burning else self._aim
+        return self.approach.aim if self.burning else aim
 
     def near(self, near: int) -> int:
         """ProxL as pi-speed knows it: at most 14 by the light, and 15 where the robot is to stand before a fire."""
@@ -109,9 +107,9 @@ class Fire:
             if self.flicker.around:
                 self.flicker.aim()
 
-    def _bump_into(self, near: int, direction: int, prox: int, base: float) -> None:
+    def _bump_into(self, aim: int, near: int, direction: int, prox: int, base: float) -> None:
         """What shines where something stands is no lamp of a base, which hangs above a free floor."""
-        there = near > SATURATED and prox >= _STANDING and abs(self._aim - direction) <= STANDS_BY and base < 0.5
+        there = near > SATURATED and prox >= _STANDING and abs(aim - direction) <= STANDS_BY and base < 0.5
         self._bumps.append(there)
         if self.burning:
             self._bumps.clear()

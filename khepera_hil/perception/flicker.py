@@ -23,12 +23,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from khepera_hil.perception.readings import LIGHT_MAX
+from khepera_hil.perception.readings import BEARINGS, DARK, LIGHT_MAX
 
-__all__ = ["DARK", "Flicker"]
-
-DARK = 490
-"""Readings below are brightness."""
+__all__ = ["Flicker"]
 
 _FULL = 395.0  # brightness above which a sensor is saturated
 _WINDOW, _ENOUGH = 20, 17  # ticks that are looked at under way, and how many of them must count
@@ -43,11 +40,11 @@ _MOST = 7.0  # of a tick's square over the noise's: a sensor that breaks is no f
 _SURE = 9.0  # of the logarithm: there are some eight bearings to choose from, and 300 stops an hour
 _KEEP = 0.9  # of what the ticks before said of the bearing
 _FLICKERS = 1.0  # of the logarithm that is kept: without a flame it stays about 0, with one 400 mm away above 5
+_FIRM = 6.0  # of the same: its greatest bearing is that of the flame, and not of a lamp that a turn makes flicker
+_WHILE = 15  # ticks after which a flame would have been sure
 
 _PLACES = np.radians([68.0, 43.0, 13.0, -13.0, -43.0, -68.0, -158.0, 158.0])
-_POINTINGS = np.radians([90.0, 45.0, 10.0, -10.0, -45.0, -90.0, -180.0, 180.0])
-_FIRM = 6.0
-_WHILE = 15  # ticks
+_POINTINGS = np.radians([*(-bearing for bearing in BEARINGS[:6]), -180.0, 180.0])
 _STEP = 5  # degrees
 _BEARINGS = np.radians(np.arange(-180, 180, _STEP))  # counter-clockwise, 0 ahead
 
@@ -129,7 +126,7 @@ class Flicker:
 
     @property
     def beyond_doubt(self) -> bool:
-        """The same, so that no lamp in the base nor its light make it uncertain."""
+        """The same so firmly that it is believed in the light of the base, too."""
         return bool(self._standing.max() >= 2 * _SURE)
 
     @property

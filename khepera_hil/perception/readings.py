@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-__all__ = ["BEARINGS", "LIGHT_MAX", "Need", "Percept", "Readings", "Sense"]
+__all__ = ["BEARINGS", "DARK", "LIGHT_MAX", "Need", "Percept", "Readings", "Sense"]
 
 BEARINGS = (-90, -45, -10, 10, 45, 90, 175, -175)
 """Where the eight sensors look, in degrees, clockwise from ahead: the order of the manual's N and O and of the
@@ -14,6 +14,9 @@ paper's Px1..Px8, L1..L8 (figure 3). The two behind point to 180; the five degre
 
 LIGHT_MAX = 511
 """The paper's L1..L8 take values in 0..511 (section 4.1); the robot's A/D converter could say more."""
+
+DARK = 490
+"""Light readings below this are brightness; a sensor in the dark reads about 497."""
 
 
 @dataclass(frozen=True)

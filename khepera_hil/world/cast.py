@@ -27,12 +27,14 @@ from khepera_hil.world.scenario import (
 )
 from khepera_hil.world.shapes import BODY_RADIUS, Pose, Shape, disc, overlap
 
-__all__ = ["PHYSICAL", "Cast", "Director"]
+__all__ = ["CANDLE", "PHYSICAL", "Cast", "Director"]
 
 PHYSICAL = (BatterySet, Broken, Fire, LampSet, Mover, PutDown, TakeAway)
 """Events that act in the world; the others are handed out."""
 
-_CANDLE = 10.0  # mm: the radius of what a real fire burns on (proposed: a household candle)
+CANDLE = 10.0
+"""mm: the radius of what a real fire burns on (proposed: a household candle)."""
+
 _WICK = 3.0  # mm from its top to the flame
 _FIRM = 1e6  # g: it stands where it was put, whatever runs against it
 _SHELF = 60.0  # mm from the arena's west wall to where the things lie that are not on the floor
@@ -130,7 +132,7 @@ class Cast:
         shelf: dict[str, Pose] = {}
         along = 0.0
         wide = {self.shapes[place].name: self.shapes[place].reach for place in self.movables}
-        wide |= dict.fromkeys(self.flames, _CANDLE)
+        wide |= dict.fromkeys(self.flames, CANDLE)
         for name, reach in wide.items():
             shelf[name] = (-_SHELF - reach, along + reach, 0.0)
             along += 2 * reach + 10
@@ -291,7 +293,7 @@ class Director:
 
 def _candle(event: Fire) -> Shape:
     """What a real fire burns on; it is lower than the flame, and there while it burns."""
-    return disc(event.name, "flame", _CANDLE, (*event.place, 0.0), event.height - _WICK, mass=_FIRM)
+    return disc(event.name, "flame", CANDLE, (*event.place, 0.0), event.height - _WICK, mass=_FIRM)
 
 
 def _name(event: PutDown | Mover | Fire) -> str:

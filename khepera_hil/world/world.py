@@ -38,7 +38,7 @@ E = TypeVar("E", bound=Event)
 _STEPS_A_LOOK = 10  # whether a mover is in view, every 50 ms
 _GOES = 0.1  # mm from one look to the next by which another robot counts as a mover
 
-_FLAME = 5.0  # mm, drawn with this radius
+_FLAME = 5.0  # mm: the radius with which a bulb is drawn
 
 
 class World:
